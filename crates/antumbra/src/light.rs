@@ -1,0 +1,69 @@
+//! The exact engine behind the solver's question for light.
+
+use antumbra_scene::FaceId;
+use antumbra_solver::{Light, Sample};
+use antumbra_visibility::{Approach, Evaluator, Scratch, View};
+use rayon::prelude::*;
+
+/// Exact irradiance, with a prepared view per face.
+#[derive(Debug)]
+pub struct ExactLight<'e, 's> {
+    evaluator: &'e Evaluator<'s>,
+    views: Vec<View>,
+}
+
+impl<'e, 's> ExactLight<'e, 's> {
+    /// Prepares every face of the scene as a receiver.
+    #[must_use]
+    pub fn new(evaluator: &'e Evaluator<'s>) -> Self {
+        let faces: Vec<FaceId> = evaluator.scene().face_ids().collect();
+        let views = faces.par_iter().map(|&face| evaluator.view(face)).collect();
+        Self { evaluator, views }
+    }
+
+    /// Irradiance per band at one point of a face's front, scene units.
+    #[must_use]
+    pub fn at(&self, face: FaceId, point: glam::DVec3, scratch: &mut Scratch) -> Vec<f64> {
+        self.evaluator.irradiance(&self.views[face.index()], point, None, scratch)
+    }
+}
+
+/// Samples evaluated by one thread before another may take over.
+const CHUNK: usize = 32;
+
+impl Light for ExactLight<'_, '_> {
+    fn n_bands(&self) -> usize {
+        self.evaluator.scene().n_bands
+    }
+
+    fn irradiance(&self, receiver: FaceId, samples: &[Sample], radius: f64) -> Vec<f64> {
+        let view = &self.views[receiver.index()];
+        let n_emitters = self.evaluator.emitters().len();
+        let parts: Vec<Vec<f64>> = samples
+            .par_chunks(CHUNK)
+            .map_init(
+                || (Scratch::default(), vec![0.0; n_emitters]),
+                |(scratch, factors), chunk| {
+                    let mut values = Vec::with_capacity(chunk.len() * self.n_bands());
+                    for sample in chunk {
+                        let approach = sample.toward.map(|toward| Approach { toward, radius });
+                        self.evaluator.factors(
+                            view,
+                            sample.point,
+                            approach.as_ref(),
+                            scratch,
+                            factors,
+                        );
+                        values.extend(self.evaluator.weigh(factors));
+                    }
+                    values
+                },
+            )
+            .collect();
+        parts.concat()
+    }
+
+    fn reaches(&self, receiver: FaceId) -> bool {
+        self.views[receiver.index()].sees_any_emitter()
+    }
+}

@@ -1,0 +1,329 @@
+//! From a scene to its mesh: the one place where visibility and mesh meet.
+
+use crate::light::ExactLight;
+use antumbra_mesh::{ArrangementOptions, MeshError, Order, TaggedCurve, TriMesh, arrange};
+use antumbra_scene::{FaceId, Scene};
+use antumbra_solver::{
+    DirectMeshes, DirectOptions, DirectSolution, RadiosityOptions, RadiositySolution, Receiver,
+    Tolerance, solve_radiosity,
+};
+use antumbra_visibility::{
+    CountByKind, CriticalCurve, CriticalCurves, Discontinuity, Evaluator, EventKind, EventKinds,
+    critical_curves,
+};
+use rayon::prelude::*;
+
+/// What the user asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Error of direct irradiance allowed anywhere.
+    pub tolerance: Tolerance,
+    /// Degree of the elements, 1 to 4; `None` chooses by the tolerance.
+    pub degree: Option<u8>,
+    /// Kinds of events whose curves are put into the mesh. Contacts always are:
+    /// without them light leaks.
+    pub events: EventKinds,
+    /// No more elements than this.
+    pub most_elements: usize,
+    /// Of the interreflection; its tolerance follows `tolerance`.
+    pub radiosity: RadiosityOptions,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            tolerance: Tolerance::Relative(1e-3),
+            degree: None,
+            events: EventKinds::ALL,
+            most_elements: 4_000_000,
+            radiosity: RadiosityOptions::default(),
+        }
+    }
+}
+
+impl Options {
+    /// The degree used: 2 for rough, 4 for fine tolerances, else 3.
+    ///
+    /// Measured in exact evaluations on the fixtures: `docs/accuracy.md`.
+    #[must_use]
+    pub fn chosen_degree(&self) -> u8 {
+        let tolerance = match self.tolerance {
+            Tolerance::Relative(t) => t,
+            Tolerance::Absolute(_) => 1e-3,
+        };
+        self.degree.unwrap_or(if tolerance > 3e-3 {
+            2
+        } else if tolerance >= 3e-5 {
+            3
+        } else {
+            4
+        })
+    }
+}
+
+/// A phase of the work, for progress and timing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Phase {
+    /// Enumerating events and their critical curves.
+    Events,
+    /// Arrangement of the curves and triangulation.
+    Arrangement,
+    /// Exact values and refinement.
+    Irradiance,
+    /// Interreflection.
+    Radiosity,
+}
+
+impl Phase {
+    /// The name in progress bars and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Events => "events",
+            Self::Arrangement => "arrangement",
+            Self::Irradiance => "irradiance",
+            Self::Radiosity => "radiosity",
+        }
+    }
+}
+
+/// How the caller watches and stops the work.
+pub struct Control<'a> {
+    /// Asked between steps: end with what there is?
+    pub should_stop: &'a (dyn Fn() -> bool + Sync),
+    /// Told the phase and how much of it is done, 0 to 1. Each phase starts at 0.
+    pub progress: &'a (dyn Fn(Phase, f64) + Sync),
+}
+
+impl std::fmt::Debug for Control<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Control")
+    }
+}
+
+impl Default for Control<'_> {
+    fn default() -> Self {
+        Self { should_stop: &|| false, progress: &|_, _| {} }
+    }
+}
+
+/// Why a scene could not be meshed: a bug of ours, told with the surface's name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("surface '{surface}': {error}")]
+pub struct Error {
+    /// The surface.
+    pub surface: String,
+    /// What went wrong.
+    pub error: MeshError,
+}
+
+/// The curves of one receiver as they went into its mesh.
+#[derive(Clone, Debug, Default)]
+pub struct ReceiverCurves {
+    /// Curves with an id below this are loops of the border.
+    pub n_border: usize,
+    /// The others, in the order of their ids.
+    pub critical: Vec<CriticalCurve>,
+}
+
+/// Events by kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct EventCounts {
+    /// Generators looked at.
+    pub candidates: CountByKind,
+    /// Curves found active.
+    pub active: CountByKind,
+    /// Curves with at least one edge in a mesh.
+    pub inserted: CountByKind,
+}
+
+/// A meshed scene.
+#[derive(Debug)]
+pub struct Meshed {
+    /// One mesh per face of the scene, in their order.
+    pub direct: DirectSolution,
+    /// The curves of every mesh.
+    pub curves: Vec<ReceiverCurves>,
+    /// Events of all receivers.
+    pub events: EventCounts,
+}
+
+/// A solved scene.
+#[derive(Debug)]
+pub struct Solved {
+    /// Meshes with total irradiance, power balance, row sums.
+    pub radiosity: RadiositySolution,
+    /// The curves of every mesh.
+    pub curves: Vec<ReceiverCurves>,
+    /// Events of all receivers.
+    pub events: EventCounts,
+}
+
+/// Meshes a scene along its shadow boundaries, with exact direct irradiance.
+///
+/// # Errors
+///
+/// [`Error`] if a face cannot be triangulated.
+pub fn mesh(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<Meshed, Error> {
+    let evaluator = Evaluator::new(scene);
+    let light = ExactLight::new(&evaluator);
+    let (meshes, curves, events) = direct(&evaluator, &light, options, control)?;
+    Ok(Meshed { direct: meshes.finish(), curves, events })
+}
+
+/// Meshes a scene and solves for interreflection.
+///
+/// # Errors
+///
+/// [`Error`] if a face cannot be triangulated.
+pub fn solve(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<Solved, Error> {
+    let evaluator = Evaluator::new(scene);
+    let light = ExactLight::new(&evaluator);
+    let (meshes, curves, events) = direct(&evaluator, &light, options, control)?;
+    (control.progress)(Phase::Radiosity, 0.0);
+    let contacts = EventKinds::NONE.with(EventKind::Contact);
+    let (receivers, _) = receivers(&evaluator, contacts, &|_, _| {})?;
+    let radiosity_options = RadiosityOptions {
+        tolerance: match options.tolerance {
+            Tolerance::Relative(t) => t,
+            Tolerance::Absolute(_) => options.radiosity.tolerance,
+        },
+        ..options.radiosity
+    };
+    let radiosity = solve_radiosity(
+        &evaluator,
+        meshes,
+        receivers.into_iter().map(|r| r.receiver).collect(),
+        &light,
+        &radiosity_options,
+        control.should_stop,
+        &|done| (control.progress)(Phase::Radiosity, done),
+    );
+    Ok(Solved { radiosity, curves, events })
+}
+
+fn direct(
+    evaluator: &Evaluator<'_>,
+    light: &ExactLight<'_, '_>,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<(DirectMeshes, Vec<ReceiverCurves>, EventCounts), Error> {
+    let events = options.events.with(EventKind::Contact);
+    let (prepared, counts) = receivers(evaluator, events, control.progress)?;
+    let (receivers, curves) = prepared.into_iter().map(|p| (p.receiver, p.curves)).unzip();
+    (control.progress)(Phase::Irradiance, 0.0);
+    let direct_options = DirectOptions {
+        tolerance: options.tolerance,
+        degree: options.chosen_degree(),
+        most_elements: options.most_elements,
+    };
+    let meshes = DirectMeshes::solve(
+        receivers,
+        light,
+        &direct_options,
+        control.should_stop,
+        &|_, done| (control.progress)(Phase::Irradiance, done),
+    );
+    Ok((meshes, curves, counts))
+}
+
+struct Prepared {
+    receiver: Receiver,
+    curves: ReceiverCurves,
+}
+
+/// Every face with the triangulated arrangement of its curves.
+fn receivers(
+    evaluator: &Evaluator<'_>,
+    kinds: EventKinds,
+    progress: &(dyn Fn(Phase, f64) + Sync),
+) -> Result<(Vec<Prepared>, EventCounts), Error> {
+    let scene = evaluator.scene();
+    let faces: Vec<FaceId> = scene.face_ids().collect();
+    progress(Phase::Events, 0.0);
+    let found: Vec<CriticalCurves> = faces
+        .par_iter()
+        .map(|&face| critical_curves(evaluator, face, kinds, contact_radius(scene, face)))
+        .collect();
+    let mut counts = EventCounts::default();
+    for curves in &found {
+        for k in 0..counts.active.len() {
+            counts.candidates[k] += curves.candidates[k];
+            counts.active[k] += curves.active[k];
+        }
+    }
+    progress(Phase::Arrangement, 0.0);
+    let prepared: Vec<Prepared> = faces
+        .par_iter()
+        .zip(found)
+        .map(|(&face, curves)| prepare(scene, face, curves.curves))
+        .collect::<Result<_, _>>()?;
+    for p in &prepared {
+        let mut is_inserted = vec![false; p.receiver.orders.len()];
+        for triangle in &p.receiver.mesh.triangles {
+            for k in 0..3 {
+                let set = p.receiver.mesh.edge_curves(triangle[k], triangle[(k + 1) % 3]);
+                for &id in set.map_or(&[][..], |set| p.receiver.mesh.sets().get(set)) {
+                    is_inserted[id as usize] = true;
+                }
+            }
+        }
+        for (curve, _) in p
+            .curves
+            .critical
+            .iter()
+            .zip(&is_inserted[p.curves.n_border..])
+            .filter(|(_, inserted)| **inserted)
+        {
+            counts.inserted[curve.kind() as usize] += 1;
+        }
+    }
+    Ok((prepared, counts))
+}
+
+/// Triangulates one receiver along its curves.
+fn prepare(scene: &Scene, face: FaceId, critical: Vec<CriticalCurve>) -> Result<Prepared, Error> {
+    let chart = scene.chart(face);
+    let mut curves: Vec<TaggedCurve> = scene
+        .loops_in_chart(face, &chart)
+        .into_iter()
+        .map(|mut points| {
+            points.extend(points.first().copied());
+            TaggedCurve { points, order: Order::Boundary }
+        })
+        .collect();
+    let n_border = curves.len();
+    for curve in &critical {
+        let points = curve.points.iter().map(|&p| chart.to_chart(p)).collect();
+        let order = match curve.kind().discontinuity() {
+            Discontinuity::D0 => Order::D0,
+            Discontinuity::D1 => Order::D1,
+            Discontinuity::D2 => Order::D2,
+        };
+        curves.push(TaggedCurve { points, order });
+    }
+    let arrangement = arrange(&curves, &ArrangementOptions::default());
+    let mesh = TriMesh::new(&arrangement, &curves).map_err(|error| Error {
+        surface: scene.surface_of(face).name.clone(),
+        error,
+    })?;
+    let orders = curves.iter().map(|c| c.order).collect();
+    let receiver =
+        Receiver { face, chart, mesh, orders, contact_radius: contact_radius(scene, face) };
+    Ok(Prepared { receiver, curves: ReceiverCurves { n_border, critical } })
+}
+
+/// Features closer than this to a receiver touch it; scene units.
+///
+/// Eight pixels of its arrangement: smaller, and the two sides of the shadow of a
+/// gap would fall into one pixel (`contact/table-above-floor`); larger, and light
+/// that comes through a gap of 2⁻²⁴ of the receiver would be lost.
+fn contact_radius(scene: &Scene, face: FaceId) -> f64 {
+    let corners = scene.positions(&scene.face(face).outline);
+    let bounds = antumbra_scene::Aabb::of(corners);
+    let pixel = (bounds.max - bounds.min).length().log2().ceil().exp2() * PIXEL;
+    8.0 * pixel
+}
+
+/// A pixel of the arrangement relative to its receiver.
+const PIXEL: f64 = 1.0 / (1u64 << 28) as f64;

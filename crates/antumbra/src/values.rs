@@ -1,0 +1,94 @@
+//! Values at points a user names.
+
+use crate::light::ExactLight;
+use antumbra_scene::{FaceId, Scene, SurfaceId};
+use antumbra_solver::{DirectSolution, RadiositySolution};
+use antumbra_visibility::{Evaluator, Scratch};
+use glam::DVec3;
+
+/// Why a point has no value.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PointError {
+    /// No surface has this name.
+    #[error("there is no surface '{0}'")]
+    UnknownSurface(String),
+    /// The point does not lie on the surface.
+    #[error("surface '{surface}': the point ({}, {}, {}) does not lie on it", point.x, point.y, point.z)]
+    OffSurface {
+        /// The surface.
+        surface: String,
+        /// The point, file units.
+        point: DVec3,
+    },
+    /// The normal of a free sensor has no length.
+    #[error("a free sensor at ({}, {}, {}) needs a normal that is not zero", .0.x, .0.y, .0.z)]
+    NoNormal(DVec3),
+}
+
+/// A point on a face's front.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// The face.
+    pub face: FaceId,
+    /// Scene units.
+    pub point: DVec3,
+}
+
+/// Finds the face of a surface at a point given in file units.
+///
+/// # Errors
+///
+/// [`PointError`] if there is no such surface or the point does not lie on it.
+pub fn place(scene: &Scene, surface: &str, point: DVec3) -> Result<Place, PointError> {
+    let id: SurfaceId = scene
+        .surface_named(surface)
+        .ok_or_else(|| PointError::UnknownSurface(surface.to_owned()))?;
+    let in_scene = scene.frame.to_scene(point);
+    let face = scene
+        .face_containing(id, in_scene)
+        .ok_or_else(|| PointError::OffSurface { surface: surface.to_owned(), point })?;
+    Ok(Place { face, point: in_scene })
+}
+
+/// Exact direct irradiance per band on a surface.
+#[must_use]
+pub fn exact(light: &ExactLight<'_, '_>, place: &Place, scratch: &mut Scratch) -> Vec<f64> {
+    light.at(place.face, place.point, scratch)
+}
+
+/// Exact direct irradiance per band at a free sensor; `point` in file units.
+///
+/// # Errors
+///
+/// [`PointError::NoNormal`] if the normal has no length.
+pub fn exact_free(
+    evaluator: &Evaluator<'_>,
+    point: DVec3,
+    normal: DVec3,
+    scratch: &mut Scratch,
+) -> Result<Vec<f64>, PointError> {
+    let normal = normal.try_normalize().ok_or(PointError::NoNormal(point))?;
+    let view = evaluator.free_view(normal);
+    let point = evaluator.scene().frame.to_scene(point);
+    Ok(evaluator.irradiance(&view, point, None, scratch))
+}
+
+/// Interpolated direct irradiance per band; `None` outside the mesh.
+#[must_use]
+pub fn on_mesh(solution: &DirectSolution, place: &Place) -> Option<Vec<f64>> {
+    let mesh = &solution.receivers[place.face.index()];
+    let (element, at) = mesh.locate(mesh.chart.to_chart(place.point))?;
+    Some(mesh.direct_at(element, at))
+}
+
+/// Irradiance with interreflection per band; `None` outside the mesh.
+#[must_use]
+pub fn solved(solution: &RadiositySolution, place: &Place) -> Option<Vec<f64>> {
+    let mesh = &solution.meshes.receivers[place.face.index()];
+    let uv = mesh.chart.to_chart(place.point);
+    let (element, at) = mesh.locate(uv)?;
+    let direct = mesh.direct_at(element, at);
+    let indirect = solution.indirect_at(place.face.index(), uv)?;
+    Some(direct.iter().zip(indirect).map(|(d, i)| d + i).collect())
+}

@@ -1,0 +1,281 @@
+//! The command line.
+
+use antumbra::scene::LengthUnit;
+use antumbra::{EventKind, EventKinds, Tolerance};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Discontinuity meshing for radiosity: shadow boundaries in the mesh before solving.
+#[derive(Debug, Parser)]
+#[command(name = "antumbra", version, max_term_width = 100)]
+#[command(after_help = "Exit codes: 0 done, 1 internal error, 2 bad usage, 3 input unreadable, \
+4 content not acceptable, 5 tolerance not reached (result written), 6 budget or memory reached \
+(partial result written), 130 interrupted (partial result written).")]
+pub(crate) struct Options {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Check a scene's geometry and materials: every finding with the surface's name.
+    Check(Check),
+    /// Mesh a scene along its shadow boundaries, with exact direct irradiance.
+    Mesh(Mesh),
+    /// The same, and interreflection.
+    Solve(Mesh),
+    /// Values at points.
+    Probe(Probe),
+    /// Pictures: false colour with legend and isolux lines (PNG), per-surface maps (SVG).
+    Render(Render),
+}
+
+impl Command {
+    pub(crate) fn common(&self) -> &Common {
+        match self {
+            Self::Check(check) => &check.common,
+            Self::Mesh(mesh) | Self::Solve(mesh) => &mesh.common,
+            Self::Probe(probe) => &probe.common,
+            Self::Render(render) => &render.common,
+        }
+    }
+}
+
+/// What every command takes.
+#[derive(Args, Debug)]
+pub(crate) struct Common {
+    /// The scene: .json (scene file) or .obj (with its .mtl).
+    pub(crate) scene: PathBuf,
+    /// Unit of an OBJ file's lengths: m, mm, cm, in or ft.
+    #[arg(long, value_name = "UNIT", value_parser = length_unit, default_value = "m")]
+    pub(crate) length_unit: LengthUnit,
+    /// Threads; the result does not depend on it.
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<usize>,
+    /// One JSON document on standard output; messages go to standard error.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No messages but errors.
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+    /// No progress.
+    #[arg(long)]
+    pub(crate) no_progress: bool,
+    /// Colour in messages.
+    #[arg(long, value_name = "WHEN", default_value = "auto")]
+    pub(crate) color: Color,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Color {
+    Auto,
+    Always,
+    Never,
+}
+
+/// How to mesh.
+#[derive(Args, Debug)]
+pub(crate) struct Meshing {
+    /// Largest error of direct irradiance anywhere, relative to the scene's peak.
+    #[arg(long, value_name = "REL", value_parser = positive, default_value = "1e-3")]
+    pub(crate) tolerance: f64,
+    /// The same in the scene's units; replaces --tolerance.
+    #[arg(long, value_name = "ABS", value_parser = positive)]
+    pub(crate) tolerance_abs: Option<f64>,
+    /// Degree of the elements: 1, 2, 3, 4 or auto.
+    #[arg(long, value_name = "P", value_parser = degree, default_value = "auto")]
+    pub(crate) degree: Degree,
+    /// Events whose curves are put into the mesh: all, auto, none, or a list of
+    /// ve, ee, facet, horizon, contact. Contacts always are.
+    #[arg(long, value_name = "KINDS", value_parser = events, default_value = "auto")]
+    pub(crate) events: EventKinds,
+    /// The mesh generator.
+    #[arg(long, value_name = "NAME", default_value = "discontinuity")]
+    pub(crate) mesher: Mesher,
+    /// No more memory than this, such as 500MB or 2GB: then the result so far is written.
+    #[arg(long, value_name = "SIZE", value_parser = memory)]
+    pub(crate) max_memory: Option<u64>,
+    /// No more time than this: then the result so far is written.
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    pub(crate) budget: Option<f64>,
+}
+
+impl Meshing {
+    pub(crate) fn options(&self) -> antumbra::Options {
+        antumbra::Options {
+            tolerance: match self.tolerance_abs {
+                Some(absolute) => Tolerance::Absolute(absolute),
+                None => Tolerance::Relative(self.tolerance),
+            },
+            degree: self.degree.0,
+            events: self.events,
+            ..antumbra::Options::default()
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Mesher {
+    Discontinuity,
+}
+
+/// `None` is auto.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Degree(pub(crate) Option<u8>);
+
+#[derive(Args, Debug)]
+pub(crate) struct Check {
+    #[command(flatten)]
+    pub(crate) common: Common,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Mesh {
+    #[command(flatten)]
+    pub(crate) common: Common,
+    #[command(flatten)]
+    pub(crate) meshing: Meshing,
+    /// A file to write; its extension says what: .json .obj .ply .vtu .csv .svg .png.
+    /// May be given several times.
+    #[arg(long, short, value_name = "OUT")]
+    pub(crate) output: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) picture: Picture,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Probe {
+    #[command(flatten)]
+    pub(crate) common: Common,
+    #[command(flatten)]
+    pub(crate) meshing: Meshing,
+    /// CSV with the header surface,x,y,z or surface,x,y,z,nx,ny,nz; a row with an
+    /// empty surface is a free sensor with that normal. - reads standard input.
+    #[arg(long, value_name = "CSV")]
+    pub(crate) points: PathBuf,
+    /// Exact direct irradiance; no mesh is made. The default.
+    #[arg(long)]
+    pub(crate) exact: bool,
+    /// Direct irradiance interpolated on the mesh.
+    #[arg(long)]
+    pub(crate) mesh: bool,
+    /// Irradiance with interreflection.
+    #[arg(long)]
+    pub(crate) solve: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Render {
+    #[command(flatten)]
+    pub(crate) common: Common,
+    #[command(flatten)]
+    pub(crate) meshing: Meshing,
+    /// The picture: .png or .svg. May be given several times.
+    #[arg(long, short, value_name = "OUT", required = true)]
+    pub(crate) output: Vec<PathBuf>,
+    /// Direct light only.
+    #[arg(long)]
+    pub(crate) direct: bool,
+    #[command(flatten)]
+    pub(crate) picture: Picture,
+}
+
+/// How pictures look.
+#[derive(Args, Debug)]
+pub(crate) struct Picture {
+    /// Where to look from: auto, front, back, left, right, top, bottom, or
+    /// surface:NAME for a map of one surface.
+    #[arg(long, value_name = "VIEW", default_value = "auto", help_heading = "Pictures")]
+    pub(crate) view: String,
+    /// Size in pixels.
+    #[arg(long, value_name = "WxH", value_parser = size, default_value = "1200x900", help_heading = "Pictures")]
+    pub(crate) size: (usize, usize),
+    /// The field: direct, irradiance or radiosity. The default is irradiance after
+    /// a solve, else direct.
+    #[arg(long, value_name = "NAME", help_heading = "Pictures")]
+    pub(crate) field: Option<String>,
+    /// The colour scale, such as 0..500. The default is 0 to the largest value.
+    #[arg(long, value_name = "FROM..TO", value_parser = scale, help_heading = "Pictures")]
+    pub(crate) scale: Option<(f64, f64)>,
+    /// Draw the elements.
+    #[arg(long, help_heading = "Pictures")]
+    pub(crate) draw_mesh: bool,
+    /// Draw the critical curves, coloured by order.
+    #[arg(long, help_heading = "Pictures")]
+    pub(crate) draw_curves: bool,
+    /// No isolux lines.
+    #[arg(long, help_heading = "Pictures")]
+    pub(crate) no_isolux: bool,
+}
+
+fn threads(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n) if (1..=1024).contains(&n) => Ok(n),
+        _ => Err("a number from 1 to 1024 is needed".into()),
+    }
+}
+
+fn length_unit(text: &str) -> Result<LengthUnit, String> {
+    LengthUnit::from_symbol(text).ok_or_else(|| "one of m, mm, cm, in, ft is allowed".into())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x.is_finite() && x > 0.0 => Ok(x),
+        _ => Err("a number above 0 is needed".into()),
+    }
+}
+
+fn degree(text: &str) -> Result<Degree, String> {
+    match text {
+        "auto" => Ok(Degree(None)),
+        "1" | "2" | "3" | "4" => Ok(Degree(text.parse().ok())),
+        _ => Err("1, 2, 3, 4 or auto is allowed".into()),
+    }
+}
+
+fn events(text: &str) -> Result<EventKinds, String> {
+    match text {
+        "all" | "auto" => Ok(EventKinds::ALL),
+        "none" => Ok(EventKinds::NONE),
+        list => list.split(',').try_fold(EventKinds::NONE, |kinds, key| {
+            match EventKind::from_key(key.trim()) {
+                Some(EventKind::Eee) => Err("eee events are not in this version yet".to_owned()),
+                Some(kind) => Ok(kinds.with(kind)),
+                None => Err(format!(
+                    "'{key}' is no kind of event: all, auto, none, or a list of ve, ee, facet, horizon, contact"
+                )),
+            }
+        }),
+    }
+}
+
+fn memory(text: &str) -> Result<u64, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match text[digits.len()..].to_ascii_uppercase().as_str() {
+        "" | "B" => 1.0,
+        "K" | "KB" | "KIB" => 1024.0,
+        "M" | "MB" | "MIB" => 1024.0 * 1024.0,
+        "G" | "GB" | "GIB" => 1024.0 * 1024.0 * 1024.0,
+        other => return Err(format!("'{other}' is no unit of memory: B, KB, MB, GB")),
+    };
+    positive(digits).map(|n| (n * unit) as u64)
+}
+
+fn size(text: &str) -> Result<(usize, usize), String> {
+    let parsed = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    match parsed {
+        Some((w, h)) if (64..=16384).contains(&w) && (64..=16384).contains(&h) => Ok((w, h)),
+        _ => Err("WIDTHxHEIGHT with 64 to 16384 pixels each is needed".into()),
+    }
+}
+
+fn scale(text: &str) -> Result<(f64, f64), String> {
+    let parsed = text
+        .split_once("..")
+        .and_then(|(a, b)| Some((a.parse::<f64>().ok()?, b.parse::<f64>().ok()?)));
+    match parsed {
+        Some((a, b)) if a.is_finite() && b.is_finite() && a < b => Ok((a, b)),
+        _ => Err("FROM..TO with FROM below TO is needed".into()),
+    }
+}

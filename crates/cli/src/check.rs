@@ -1,0 +1,105 @@
+//! `antumbra check`.
+
+use crate::Ending;
+use crate::args::Check;
+use crate::failure::Failure;
+use crate::input;
+use antumbra::{Problem, Scene, Severity};
+use serde_json::{Value, json};
+
+pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
+    let common = &check.common;
+    let input = input::read(common)?;
+    match Scene::build(&input) {
+        Ok(built) => {
+            let report = built.scene.report();
+            if common.json {
+                let document = json!({
+                    "version": env!("CARGO_PKG_VERSION"),
+                    "accepted": true,
+                    "surfaces": report.surfaces,
+                    "faces": report.faces,
+                    "vertices": report.vertices,
+                    "edges": report.edges,
+                    "planes": report.planes,
+                    "emitters": report.emitters,
+                    "open_edges": report.open_edges,
+                    "t_vertices": report.t_vertices,
+                    "closed": report.closed,
+                    "extent": report.extent.to_array(),
+                    "extent_metres": report.extent_metres.to_array(),
+                    "area": report.area,
+                    "length_unit": built.scene.length_unit.symbol(),
+                    "quantity": built.scene.quantity.name(),
+                    "notes": input.notes,
+                    "problems": problems(&built.warnings),
+                });
+                println!("{document:#}");
+                return Ok(Ending::Done);
+            }
+            for note in &input.notes {
+                println!("note: {note}");
+            }
+            for warning in &built.warnings {
+                println!("warning: {}", warning.message);
+            }
+            let unit = built.scene.length_unit.symbol();
+            println!(
+                "{}: accepted, {} warnings\n\
+                 {} surfaces ({} emitters), {} faces, {} planes, {} vertices, {} edges\n\
+                 extent {} × {} × {} {unit} ({:.3} × {:.3} × {:.3} m), area {} {unit}²\n\
+                 {}: {} open edges, {} T-vertices",
+                common.scene.display(),
+                built.warnings.len(),
+                report.surfaces,
+                report.emitters,
+                report.faces,
+                report.planes,
+                report.vertices,
+                report.edges,
+                report.extent.x,
+                report.extent.y,
+                report.extent.z,
+                report.extent_metres.x,
+                report.extent_metres.y,
+                report.extent_metres.z,
+                report.area,
+                if report.closed { "closed" } else { "open" },
+                report.open_edges,
+                report.t_vertices,
+            );
+            Ok(Ending::Done)
+        }
+        Err(found) => {
+            if common.json {
+                let document = json!({
+                    "version": env!("CARGO_PKG_VERSION"),
+                    "accepted": false,
+                    "notes": input.notes,
+                    "problems": problems(&found),
+                });
+                println!("{document:#}");
+            }
+            Err(Failure::not_acceptable(input::refusal(&common.scene, &found, common)))
+        }
+    }
+}
+
+fn problems(problems: &[Problem]) -> Vec<Value> {
+    problems
+        .iter()
+        .map(|p| {
+            json!({
+                "severity": match p.severity {
+                    Severity::Error => "error",
+                    Severity::Warning => "warning",
+                },
+                "kind": p.kind,
+                "names": p.names,
+                "found": p.found,
+                "allowed": p.allowed,
+                "message": p.message,
+            })
+        })
+        .collect()
+}

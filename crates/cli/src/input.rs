@@ -1,0 +1,92 @@
+//! Reading scenes and saying what is wrong with them.
+
+use crate::args::{Color, Common};
+use crate::failure::Failure;
+use antumbra::{Problem, Scene, Severity, io};
+use std::io::IsTerminal as _;
+use std::path::Path;
+
+/// A scene that was read and accepted.
+pub(crate) struct Loaded {
+    pub(crate) scene: Scene,
+    pub(crate) warnings: Vec<Problem>,
+    pub(crate) notes: Vec<String>,
+}
+
+/// Reads a scene file by its extension, without checking its content.
+pub(crate) fn read(common: &Common) -> Result<antumbra::SceneInput, Failure> {
+    let path = &common.scene;
+    let at = |message: String| Failure::unreadable(format!("{}: {message}", path.display()));
+    let text = |path: &Path| {
+        let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
+        String::from_utf8(bytes).map_err(|_| "is not UTF-8 text".to_owned())
+    };
+    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    match extension.as_deref() {
+        Some("json") => {
+            let text = text(path).map_err(at)?;
+            io::scene_file::read(&text).map_err(|e| at(e.to_string()))
+        }
+        Some("obj") => {
+            let obj = text(path).map_err(at)?;
+            let folder = path.parent().unwrap_or(Path::new("."));
+            io::obj::read(&obj, &mut |name| text(&folder.join(name)), common.length_unit)
+                .map_err(|e| at(e.to_string()))
+        }
+        _ => Err(at("is not a format that can be read: .json and .obj are".into())),
+    }
+}
+
+/// Reads and checks a scene; warnings are shown unless `--quiet`.
+pub(crate) fn load(common: &Common) -> Result<Loaded, Failure> {
+    let input = read(common)?;
+    let notes = input.notes.clone();
+    match Scene::build(&input) {
+        Ok(built) => {
+            if !common.quiet {
+                for note in &notes {
+                    eprintln!("{}: {note}", label("note", common));
+                }
+                for warning in &built.warnings {
+                    eprintln!("{}: {}", label("warning", common), warning.message);
+                }
+            }
+            Ok(Loaded { scene: built.scene, warnings: built.warnings, notes })
+        }
+        Err(problems) => {
+            Err(Failure::not_acceptable(refusal(&common.scene, &problems, common)))
+        }
+    }
+}
+
+/// All problems of a refused scene, one a line.
+pub(crate) fn refusal(path: &Path, problems: &[Problem], common: &Common) -> String {
+    let n = problems.iter().filter(|p| p.severity == Severity::Error).count();
+    let mut text = format!(
+        "{}: the scene cannot be used: {n} {}",
+        path.display(),
+        if n == 1 { "error" } else { "errors" }
+    );
+    for problem in problems {
+        let kind = match problem.severity {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+        };
+        text.push_str(&format!("\n  {}: {}", label(kind, common), problem.message));
+    }
+    text
+}
+
+fn label(kind: &str, common: &Common) -> String {
+    let colored = match common.color {
+        Color::Always => true,
+        Color::Never => false,
+        Color::Auto => std::io::stderr().is_terminal(),
+    };
+    let code = match kind {
+        "error" => "31",
+        "warning" => "33",
+        _ => "36",
+    };
+    if colored { format!("\x1b[{code}m{kind}\x1b[0m") } else { kind.to_owned() }
+}

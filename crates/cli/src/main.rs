@@ -1,0 +1,63 @@
+//! The `antumbra` command: the only place that opens files, prints, reads the
+//! clock and exits.
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a command line talks to its terminal"
+)]
+
+mod args;
+mod check;
+mod failure;
+mod input;
+mod mesh;
+mod output;
+mod probe;
+mod progress;
+mod render;
+mod report;
+
+use args::{Command, Options};
+use clap::Parser;
+use failure::Failure;
+use std::process::ExitCode;
+
+/// What a command ended with when nothing failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Ending {
+    Done,
+    ToleranceNotReached,
+    BudgetReached,
+    Interrupted,
+}
+
+fn main() -> ExitCode {
+    // clap exits with 2 on bad usage and with 0 after --help.
+    let options = Options::parse();
+    progress::catch_interrupts();
+    if let Some(threads) = options.command.common().threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        if let Err(error) = pool {
+            eprintln!("antumbra: cannot start {threads} threads: {error}");
+            return ExitCode::from(1);
+        }
+    }
+    // A panic is a bug of ours: say so and where, with the exit code of a bug.
+    let outcome = std::panic::catch_unwind(|| match &options.command {
+        Command::Check(check) => check::run(check),
+        Command::Mesh(mesh) => mesh::run(mesh, mesh::Work::Mesh),
+        Command::Solve(mesh) => mesh::run(mesh, mesh::Work::Solve),
+        Command::Probe(probe) => probe::run(probe),
+        Command::Render(render) => render::run(render),
+    });
+    let failure = match outcome {
+        Ok(Ok(Ending::Done)) => return ExitCode::SUCCESS,
+        Ok(Ok(Ending::ToleranceNotReached)) => return ExitCode::from(5),
+        Ok(Ok(Ending::BudgetReached)) => return ExitCode::from(6),
+        Ok(Ok(Ending::Interrupted)) => return ExitCode::from(130),
+        Ok(Err(failure)) => failure,
+        Err(_) => Failure::internal("this is a bug in antumbra; please report it with the scene"),
+    };
+    eprintln!("antumbra: {failure}");
+    ExitCode::from(failure.exit_code())
+}

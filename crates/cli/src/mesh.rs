@@ -1,0 +1,121 @@
+//! `antumbra mesh` and `antumbra solve`.
+
+use crate::Ending;
+use crate::args::{Common, Mesh, Meshing};
+use crate::failure::Failure;
+use crate::input::{self, Loaded};
+use crate::output;
+use crate::progress::Watch;
+use crate::report::{self, Result as Work2};
+use antumbra::{Control, Ended, Meshed, Solved};
+
+/// What is to be done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Work {
+    Mesh,
+    Solve,
+}
+
+/// What was done.
+pub(crate) enum Done {
+    Meshed(Meshed),
+    Solved(Box<Solved>),
+}
+
+impl Done {
+    pub(crate) fn as_report(&self) -> Work2<'_> {
+        match self {
+            Self::Meshed(m) => {
+                Work2 { meshes: &m.direct, curves: &m.curves, events: &m.events, radiosity: None }
+            }
+            Self::Solved(s) => Work2 {
+                meshes: &s.radiosity.meshes,
+                curves: &s.curves,
+                events: &s.events,
+                radiosity: Some(&s.radiosity),
+            },
+        }
+    }
+}
+
+pub(crate) fn run(mesh: &Mesh, work: Work) -> Result<Ending, Failure> {
+    let common = &mesh.common;
+    if mesh.output.is_empty() && !common.json {
+        return Err(Failure::usage("nothing to write: give -o OUT or --json"));
+    }
+    let formats = output::formats(&mesh.output, &output::MESHES)?;
+    let loaded = input::load(common)?;
+    let names: Vec<String> = loaded.scene.surfaces.iter().map(|s| s.name.clone()).collect();
+    output::check_view(&mesh.picture, &names)?;
+    let watch = Watch::new(common, &mesh.meshing);
+    let done = compute(&loaded, &mesh.meshing, &watch, work)?;
+    let result = done.as_report();
+    let exported = antumbra::export(
+        &loaded.scene,
+        result.meshes,
+        result.curves,
+        &format!("antumbra {}", env!("CARGO_PKG_VERSION")),
+    );
+    let (phases, _) = watch.finish();
+    for (path, format) in mesh.output.iter().zip(formats) {
+        output::write(path, format, &exported, &mesh.picture)?;
+    }
+    let ending = ending(&watch, &result);
+    let (_, total) = watch.finish();
+    let report = report::document(&loaded, &mesh.meshing, &result, &phases, total);
+    show(common, &report, &result, &mesh.output);
+    Ok(ending)
+}
+
+/// Meshes or solves.
+pub(crate) fn compute(
+    loaded: &Loaded,
+    meshing: &Meshing,
+    watch: &Watch,
+    work: Work,
+) -> Result<Done, Failure> {
+    let options = meshing.options();
+    let control = Control {
+        should_stop: &|| watch.should_stop(),
+        progress: &|phase, done| watch.progress(phase, done),
+    };
+    let done = match work {
+        Work::Mesh => antumbra::mesh(&loaded.scene, &options, &control).map(Done::Meshed),
+        Work::Solve => {
+            antumbra::solve(&loaded.scene, &options, &control).map(|s| Done::Solved(Box::new(s)))
+        }
+    };
+    done.map_err(|error| Failure::internal(error.to_string()))
+}
+
+/// How the run ended.
+pub(crate) fn ending(watch: &Watch, result: &Work2<'_>) -> Ending {
+    if let Some(stopped) = watch.stopped() {
+        return stopped;
+    }
+    let reached = match result.meshes.ended {
+        Ended::ToleranceReached => true,
+        Ended::ResolutionReached | Ended::TooManyElements | Ended::Stopped => false,
+    };
+    if reached && result.radiosity.is_none_or(|r| r.is_converged) {
+        Ending::Done
+    } else {
+        Ending::ToleranceNotReached
+    }
+}
+
+fn show(
+    common: &Common,
+    report: &serde_json::Value,
+    result: &Work2<'_>,
+    outputs: &[std::path::PathBuf],
+) {
+    if common.json {
+        println!("{report:#}");
+    } else if !common.quiet {
+        println!("{}", report::summary(report, result));
+        for path in outputs {
+            println!("wrote {}", path.display());
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! `antumbra render`.
+
+use crate::Ending;
+use crate::args::Render;
+use crate::failure::Failure;
+use crate::input;
+use crate::mesh::{self, Work};
+use crate::output::{self, Format};
+use crate::progress::Watch;
+
+pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
+    let common = &render.common;
+    let formats = output::formats(&render.output, &[Format::Png, Format::Svg])?;
+    let loaded = input::load(common)?;
+    let names: Vec<String> = loaded.scene.surfaces.iter().map(|s| s.name.clone()).collect();
+    output::check_view(&render.picture, &names)?;
+    let watch = Watch::new(common, &render.meshing);
+    let work = if render.direct { Work::Mesh } else { Work::Solve };
+    let done = mesh::compute(&loaded, &render.meshing, &watch, work)?;
+    let result = done.as_report();
+    watch.finish();
+    let exported = antumbra::export(
+        &loaded.scene,
+        result.meshes,
+        result.curves,
+        &format!("antumbra {}", env!("CARGO_PKG_VERSION")),
+    );
+    for (path, format) in render.output.iter().zip(formats) {
+        output::write(path, format, &exported, &render.picture)?;
+        if common.json {
+            continue;
+        }
+        if !common.quiet {
+            println!("wrote {}", path.display());
+        }
+    }
+    if common.json {
+        let written: Vec<String> =
+            render.output.iter().map(|p| p.display().to_string()).collect();
+        println!("{:#}", serde_json::json!({ "version": env!("CARGO_PKG_VERSION"), "written": written }));
+    }
+    Ok(mesh::ending(&watch, &result))
+}

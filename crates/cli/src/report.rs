@@ -1,0 +1,258 @@
+//! The report of `mesh` and `solve`.
+
+use crate::args::Meshing;
+use crate::input::Loaded;
+use crate::progress::peak_memory;
+use antumbra::{
+    DirectSolution, Ended, EventCounts, EventKind, RadiositySolution, ReceiverCurves, Scene,
+    Tolerance, order_key,
+};
+use serde_json::{Map, Value, json};
+
+/// What is reported on.
+pub(crate) struct Result<'a> {
+    pub(crate) meshes: &'a DirectSolution,
+    pub(crate) curves: &'a [ReceiverCurves],
+    pub(crate) events: &'a EventCounts,
+    pub(crate) radiosity: Option<&'a RadiositySolution>,
+}
+
+/// The document of `--json`.
+pub(crate) fn document(
+    loaded: &Loaded,
+    meshing: &Meshing,
+    result: &Result<'_>,
+    phases: &[(&'static str, f64)],
+    total: f64,
+) -> Value {
+    let scene = &loaded.scene;
+    let options = meshing.options();
+    let meshes = result.meshes;
+    let n_elements: usize = meshes.receivers.iter().map(|r| r.n_elements()).sum();
+    let n_nodes: usize = meshes.receivers.iter().map(|r| r.nodes.len()).sum();
+    let n_evaluations: u64 = meshes.receivers.iter().map(|r| r.exact_evaluations).sum();
+    let unresolved: usize = meshes.receivers.iter().map(|r| r.unresolved.len()).sum();
+    let mut seconds = Map::new();
+    for (name, s) in phases {
+        seconds.insert((*name).to_owned(), json!(s));
+    }
+    seconds.insert("total".to_owned(), json!(total));
+    let (tolerance, is_relative) = match options.tolerance {
+        Tolerance::Relative(t) => (t, true),
+        Tolerance::Absolute(t) => (t, false),
+    };
+    let mut document = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "length_unit": scene.length_unit.symbol(),
+        "quantity": scene.quantity.name(),
+        "surfaces": scene.surfaces.len(),
+        "emitters": scene.emitters().count(),
+        "receivers": meshes.receivers.len(),
+        "elements": n_elements,
+        "nodes": n_nodes,
+        "degree": options.chosen_degree(),
+        "exact_evaluations": n_evaluations,
+        "tolerance": tolerance,
+        "tolerance_is_relative": is_relative,
+        "measured_max_error": meshes.measured_max_error,
+        "measured_rms_error": meshes.measured_rms_error,
+        "tolerance_reached": meshes.ended == Ended::ToleranceReached,
+        "unresolved_elements": unresolved,
+        "unresolved_area_fraction": unresolved_area(meshes),
+        "peak_irradiance": bands(&meshes.peak),
+        "events": {
+            "candidates": counts(&result.events.candidates),
+            "active": counts(&result.events.active),
+            "inserted": counts(&result.events.inserted),
+        },
+        "effects": effects(meshing, result),
+        "per_surface": per_surface(scene, result),
+        "seconds": seconds,
+        "peak_memory_bytes": peak_memory(),
+        "threads": rayon::current_num_threads(),
+        "warnings": loaded.warnings.iter().map(|w| w.message.clone()).chain(loaded.notes.iter().cloned()).collect::<Vec<_>>(),
+    });
+    if let (Some(radiosity), Some(object)) = (result.radiosity, document.as_object_mut()) {
+        object.insert("iterations".into(), json!(radiosity.iterations));
+        object.insert("residual".into(), json!(radiosity.residual));
+        object.insert("converged".into(), json!(radiosity.is_converged));
+        object.insert(
+            "measured_indirect_error".into(),
+            json!(radiosity.measured_indirect_error),
+        );
+        object.insert(
+            "indirect".into(),
+            json!({
+                "elements": radiosity.indirect_elements,
+                "nodes": radiosity.indirect_nodes,
+                "visible_parts": radiosity.visible_parts,
+            }),
+        );
+        let power = &radiosity.power;
+        object.insert(
+            "power".into(),
+            json!({
+                "emitted": bands(&power.emitted),
+                "absorbed": bands(&power.absorbed),
+                "escaped": bands(&power.escaped),
+                "imbalance": power.imbalance,
+            }),
+        );
+        let sums: Vec<Value> = radiosity
+            .row_sums
+            .iter()
+            .map(|r| {
+                json!({
+                    "surface": scene.surface_of(r.face).name,
+                    "min": r.min,
+                    "max": r.max,
+                    "mean": r.mean,
+                })
+            })
+            .collect();
+        object.insert("row_sums".into(), json!(sums));
+    }
+    document
+}
+
+/// One band as a number, several as an array.
+fn bands(values: &[f64]) -> Value {
+    match values {
+        [one] => json!(one),
+        several => json!(several),
+    }
+}
+
+fn unresolved_area(meshes: &DirectSolution) -> f64 {
+    let (mut unresolved, mut total) = (0.0, 0.0);
+    for receiver in &meshes.receivers {
+        total += receiver.mesh.total_area();
+        unresolved += receiver.unresolved.iter().map(|&t| receiver.mesh.area(t)).sum::<f64>();
+    }
+    if total > 0.0 { unresolved / total } else { 0.0 }
+}
+
+fn counts(by_kind: &[u64; 6]) -> Value {
+    let mut object = Map::new();
+    let mut orders = [("d0", 0), ("d1", 0), ("d2", 0)];
+    for kind in EventKind::ALL {
+        let n = by_kind[kind as usize];
+        object.insert(kind.key().to_owned(), json!(n));
+        for (key, sum) in &mut orders {
+            if *key == order_key(kind.discontinuity()) {
+                *sum += n;
+            }
+        }
+    }
+    for (key, sum) in orders {
+        object.insert(key.to_owned(), json!(sum));
+    }
+    Value::Object(object)
+}
+
+/// Which effects were simulated, which were not, and what leaving them out costs.
+fn effects(meshing: &Meshing, result: &Result<'_>) -> Value {
+    let mut effects = vec![json!({
+        "name": "occlusion",
+        "decision": "simulated",
+        "bound": 0.0,
+        "reason": "every value at a node is exact, whatever stands between",
+    })];
+    for kind in EventKind::ALL {
+        let simulated = kind == EventKind::Contact
+            || (kind != EventKind::Eee && meshing.events.contains(kind));
+        effects.push(json!({
+            "name": kind.key(),
+            "decision": if simulated { "simulated" } else { "left out" },
+            "bound": if simulated { 0.0 } else { result.meshes.measured_max_error },
+            "reason": match (simulated, kind) {
+                (true, _) => "its curves are edges of the mesh",
+                (false, EventKind::Eee) => "not enumerated in this version; the error it costs is measured at check points and refined away",
+                (false, _) => "left out by --events; the error it costs is measured at check points and refined away",
+            },
+        }));
+    }
+    effects.push(json!({
+        "name": "interreflection",
+        "decision": if result.radiosity.is_some() { "simulated" } else { "left out" },
+        "bound": result.radiosity.map(|r| r.measured_indirect_error),
+        "reason": if result.radiosity.is_some() { "asked for by solve" } else { "mesh is about direct light; use solve" },
+    }));
+    json!(effects)
+}
+
+fn per_surface(scene: &Scene, result: &Result<'_>) -> Value {
+    let rows: Vec<Value> = result
+        .meshes
+        .receivers
+        .iter()
+        .zip(result.curves)
+        .map(|(mesh, curves)| {
+            let face = scene.face(mesh.face);
+            let surface = scene.surface_of(mesh.face);
+            json!({
+                "surface": surface.name,
+                "part": mesh.face.0 - surface.faces.start,
+                "back": face.is_back,
+                "elements": mesh.n_elements(),
+                "nodes": mesh.nodes.len(),
+                "exact_evaluations": mesh.exact_evaluations,
+                "curves": curves.critical.len(),
+                "max_error": mesh.element_errors.iter().copied().fold(0.0, f64::max),
+            })
+        })
+        .collect();
+    json!(rows)
+}
+
+/// A few lines for people.
+pub(crate) fn summary(report: &Value, result: &Result<'_>) -> String {
+    let inserted = &report["events"]["inserted"];
+    let mut text = format!(
+        "{} surfaces, {} emitters: {} elements of degree {}, {} nodes\n\
+         curves: {} contact, {} VE, {} EE, {} facet, {} horizon\n\
+         error: at most {:.2e} of the peak, rms {:.2e} (allowed {})\n\
+         {} exact evaluations, {:.3} s",
+        report["surfaces"],
+        report["emitters"],
+        report["elements"],
+        report["degree"],
+        report["nodes"],
+        inserted["contact"],
+        inserted["ve"],
+        inserted["ee"],
+        inserted["facet"],
+        inserted["horizon"],
+        result.meshes.measured_max_error,
+        result.meshes.measured_rms_error,
+        report["tolerance"],
+        report["exact_evaluations"],
+        report["seconds"]["total"].as_f64().unwrap_or(0.0),
+    );
+    let unresolved = report["unresolved_elements"].as_u64().unwrap_or(0);
+    if unresolved > 0 {
+        text.push_str(&format!(
+            "\n{unresolved} elements at ends of contacts ({:.1e} of the area) are at the resolution limit",
+            report["unresolved_area_fraction"].as_f64().unwrap_or(0.0),
+        ));
+    }
+    if let Some(radiosity) = result.radiosity {
+        let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
+        for row in &radiosity.row_sums {
+            (min, max) = (min.min(row.min), max.max(row.max));
+        }
+        text.push_str(&format!(
+            "\ninterreflection: {} iterations, residual {:.1e}, error at most {:.2e}\n\
+             power: emitted {}, absorbed {}, escaped {}, imbalance {:.1e}\n\
+             row sums, raw: {min:.6} to {max:.6}",
+            radiosity.iterations,
+            radiosity.residual,
+            radiosity.measured_indirect_error,
+            report["power"]["emitted"],
+            report["power"]["absorbed"],
+            report["power"]["escaped"],
+            radiosity.power.imbalance,
+        ));
+    }
+    text
+}

@@ -1,0 +1,14 @@
+//! Points, planes, polygons and charts: the geometry that knows no scene.
+//!
+//! Exact predicates come from `robust`; the constrained Delaunay triangulation
+//! comes from `spade` and is reached only through [`cdt`].
+
+pub mod cdt;
+mod chart;
+mod polygon;
+
+pub use chart::Chart;
+pub use glam::{DVec2, DVec3, dvec2, dvec3};
+pub use polygon::{
+    convex_pieces, newell_normal, point_in_polygon, polygon_area, segments_cross, signed_area,
+};

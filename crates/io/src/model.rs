@@ -1,0 +1,100 @@
+//! What the writers write: meshes with values, in file units, free of the engine.
+
+use antumbra_geom::{DVec2, DVec3};
+
+/// A meshed scene with its values, ready to be written.
+#[derive(Clone, Debug, Default)]
+pub struct MeshedScene {
+    /// `m`, `mm`, …: the unit of all coordinates.
+    pub length_unit: String,
+    /// `W/m²`, `lx` or empty: the unit of all node fields.
+    pub unit: String,
+    /// Values per node of every field.
+    pub n_bands: usize,
+    /// One per face that was meshed, in the order of the scene.
+    pub surfaces: Vec<SurfaceMesh>,
+    /// The command or call that made it, for headers.
+    pub provenance: String,
+}
+
+/// A mesh of one face.
+#[derive(Clone, Debug, Default)]
+pub struct SurfaceMesh {
+    /// The surface's name.
+    pub name: String,
+    /// Which of the surface's faces (0 unless it was split).
+    pub part: usize,
+    /// Is it the back of a two-sided surface?
+    pub is_back: bool,
+    /// Unit normal of the front.
+    pub normal: DVec3,
+    /// Outline and holes, as corners in space.
+    pub loops: Vec<Vec<DVec3>>,
+    /// Degree of the elements, 1 to 4.
+    pub degree: u8,
+    /// Node positions; one position occurs once per side of a contact.
+    pub nodes: Vec<DVec3>,
+    /// The nodes in the face's own 2-D frame (right-handed seen from the front),
+    /// file length units.
+    pub nodes_2d: Vec<DVec2>,
+    /// Nodes of every element, (degree+1)(degree+2)/2 each, in VTK's Lagrange
+    /// order: corners counter-clockwise from the front, then edges 0–1, 1–2, 2–0,
+    /// then inside.
+    pub elements: Vec<u32>,
+    /// Fields on the nodes: `direct`, and after a solve `irradiance` and `radiosity`.
+    pub fields: Vec<Field>,
+    /// Measured error of every element, relative to the peak.
+    pub element_errors: Vec<f64>,
+    /// Mesh edges that lie on curves.
+    pub curve_edges: Vec<CurveEdge>,
+    /// The curves those edges belong to.
+    pub curves: Vec<Curve>,
+}
+
+/// A field on the nodes, `n_bands` values per node.
+#[derive(Clone, Debug, Default)]
+pub struct Field {
+    /// `direct`, `irradiance` or `radiosity`.
+    pub name: String,
+    /// Node after node, bands together.
+    pub values: Vec<f64>,
+}
+
+/// A mesh edge on one or several curves.
+#[derive(Clone, Debug, Default)]
+pub struct CurveEdge {
+    /// Corner nodes of its ends.
+    pub ends: [u32; 2],
+    /// Indices into [`SurfaceMesh::curves`].
+    pub curves: Vec<u32>,
+}
+
+/// A curve across which something changes.
+#[derive(Clone, Debug, Default)]
+pub struct Curve {
+    /// `border`, `ve`, `ee`, `eee`, `facet`, `horizon` or `contact`.
+    pub kind: String,
+    /// `border`, `d0`, `d1` or `d2`.
+    pub order: String,
+    /// The emitter's name, where the curve belongs to one.
+    pub emitter: Option<String>,
+    /// The features that generate it, in words: names of surfaces.
+    pub generators: String,
+    /// The curve itself, file units.
+    pub points: Vec<DVec3>,
+}
+
+impl SurfaceMesh {
+    /// Nodes per element.
+    #[must_use]
+    pub fn nodes_per_element(&self) -> usize {
+        let p = usize::from(self.degree);
+        (p + 1) * (p + 2) / 2
+    }
+
+    /// The field with this name.
+    #[must_use]
+    pub fn field(&self, name: &str) -> Option<&Field> {
+        self.fields.iter().find(|f| f.name == name)
+    }
+}

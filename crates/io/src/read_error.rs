@@ -1,0 +1,44 @@
+//! Why a file could not be read.
+
+/// A text that is not of its format, or not of its schema: exit code 3.
+///
+/// What is well formed but makes no scene is left to
+/// [`Scene::build`](antumbra_scene::Scene::build).
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}{message}", place(*.line, *.column))]
+pub struct ReadError {
+    /// Line, from 1.
+    pub line: Option<usize>,
+    /// Column, from 1.
+    pub column: Option<usize>,
+    /// One line, lower case, without full stop.
+    pub message: String,
+}
+
+impl ReadError {
+    /// An error in a line.
+    pub(crate) fn at_line(line: usize, message: impl Into<String>) -> Self {
+        Self {
+            line: Some(line),
+            column: None,
+            message: message.into(),
+        }
+    }
+
+    /// An error of the whole text.
+    pub(crate) fn whole(message: impl Into<String>) -> Self {
+        Self {
+            line: None,
+            column: None,
+            message: message.into(),
+        }
+    }
+}
+
+fn place(line: Option<usize>, column: Option<usize>) -> String {
+    match (line, column) {
+        (Some(line), Some(column)) => format!("line {line}, column {column}: "),
+        (Some(line), None) => format!("line {line}: "),
+        _ => String::new(),
+    }
+}

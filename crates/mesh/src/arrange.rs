@@ -1,0 +1,531 @@
+//! The arrangement of the curves on a receiver: edges that meet only in vertices.
+
+use std::collections::BTreeMap;
+
+use glam::{DVec2, dvec2};
+use smallvec::SmallVec;
+
+use crate::grid::Grid;
+use crate::lines::{Piece, Segment, cut_lines, merge_pieces};
+use crate::nodes::{Frame, InputPoint, Node, Nodes, weld_points};
+use crate::sets::{CurveSets, SetId};
+use crate::snap::{Chains, Fine, MAX_FINE_BITS, cross, crosses, pixel_of, snap_round};
+
+/// What a curve does to the irradiance of the receiver it lies on.
+///
+/// The strongest comes first: `min` of some orders is that of all curves together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Order {
+    /// The border of the receiver.
+    Boundary,
+    /// The value jumps.
+    D0,
+    /// The slope jumps.
+    D1,
+    /// The curvature jumps.
+    D2,
+}
+
+/// One curve on a receiver: a polyline in chart coordinates.
+///
+/// Its id is its index in the slice given to [`arrange`]. A closed curve repeats
+/// its first point at the end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TaggedCurve {
+    /// The corners of the polyline.
+    pub points: Vec<DVec2>,
+    /// What the curve does to the irradiance.
+    pub order: Order,
+}
+
+/// How fine an arrangement is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ArrangementOptions {
+    /// How many times, as a power of two, a pixel fits into the receiver's longer side.
+    pub bits: u32,
+    /// How much finer, as a power of two, crossings are computed.
+    ///
+    /// Lines that go through one point in the input still do after their ends
+    /// are rounded, except with a probability of about `2^-sub_bits`. At least 4;
+    /// lowered where `bits + sub_bits` would exceed 44.
+    pub sub_bits: u32,
+    /// Segments that differ by less than about half of this are merged, in pixels.
+    pub cluster: f64,
+    /// Points nearer than this become one, in pixels. At least 2.
+    pub weld: f64,
+    /// Pixels are doubled until the arrangement has fewer edges than this, each
+    /// counted for every curve segment in it.
+    pub max_links: usize,
+}
+
+impl Default for ArrangementOptions {
+    fn default() -> Self {
+        Self {
+            bits: 28,
+            sub_bits: 16,
+            cluster: 4.0,
+            weld: 4.0,
+            max_links: 50_000_000,
+        }
+    }
+}
+
+/// A straight part of one or several curves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct ArrangedEdge {
+    /// Its vertices, ascending.
+    pub ends: [u32; 2],
+    /// The curves it is part of.
+    pub curves: SetId,
+    /// Is the receiver on one side only? True if borders pass here an odd number of times.
+    pub separates: bool,
+}
+
+/// What happened on the way to an arrangement.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ArrangementReport {
+    /// Curves given.
+    pub n_curves: usize,
+    /// Curves left out: shorter than a few pixels, or not finite.
+    pub n_skipped: usize,
+    /// Different lines the curves' segments are on.
+    pub n_lines: usize,
+    /// Parts of these lines between two points of curves.
+    pub n_pieces: usize,
+    /// Vertices where pieces cross, and which are no point of a curve.
+    pub n_crossings: usize,
+    /// Vertices in all.
+    pub n_vertices: usize,
+    /// Edges in all.
+    pub n_edges: usize,
+    /// How many times the pixel was doubled to limit the number of edges.
+    pub n_coarsened: u32,
+}
+
+/// The curves on a receiver as edges that meet only in vertices.
+#[derive(Clone, Debug, Default)]
+pub struct Arrangement {
+    /// The vertices in chart coordinates: points of curves as they were given,
+    /// elsewhere the centres of pixels.
+    pub vertices: Vec<DVec2>,
+    /// The vertices in pixels: exact, distinct, ascending.
+    pub pixels: Vec<[i64; 2]>,
+    /// The edges: ascending, no two with the same ends.
+    pub edges: Vec<ArrangedEdge>,
+    /// The sets of curves that edges are part of.
+    pub sets: CurveSets,
+    /// What happened on the way.
+    pub report: ArrangementReport,
+    /// Where the centre of pixel (0, 0) is in the chart.
+    pub origin: DVec2,
+    /// The side of a pixel, a power of two.
+    pub pixel: f64,
+    /// No curve has moved by more than this many pixels.
+    pub tolerance: f64,
+}
+
+/// Cuts the curves on a receiver into edges that meet only in vertices.
+///
+/// Curves that coincide up to a few pixels share edges; the border stays where it
+/// is and others join it. Curves may end anywhere, also outside the border.
+/// Curves without length or with coordinates that are not finite are left out.
+/// The result does not depend on the order of the curves, except for their ids.
+///
+/// # Source
+///
+/// Hobby 1999 and Guibas & Marimont 1998 for the rounding; `docs/numerics.md`
+/// for what comes before it.
+#[must_use]
+pub fn arrange(curves: &[TaggedCurve], options: &ArrangementOptions) -> Arrangement {
+    let valid: Vec<(u32, &TaggedCurve)> = (0..)
+        .zip(curves)
+        .filter(|(_, c)| is_bounded(c))
+        .filter(|(_, c)| c.points.iter().any(|&p| p != c.points[0]))
+        .collect();
+    let weld = options.weld.clamp(2.0, 1e3);
+    let cluster = options.cluster.clamp(0.0, 1e3);
+    let bits = options.bits.clamp(MIN_BITS, 36);
+
+    let mut n_coarsened = 0;
+    loop {
+        let bits = bits - n_coarsened;
+        let Some(frame) = choose_frame(&valid, bits) else {
+            return Arrangement {
+                pixel: 1.0,
+                report: ArrangementReport {
+                    n_curves: curves.len(),
+                    n_skipped: curves.len(),
+                    ..Default::default()
+                },
+                ..Default::default()
+            };
+        };
+        // At the coarsest there is no way out but through.
+        let budget = if bits == MIN_BITS {
+            usize::MAX
+        } else {
+            options.max_links
+        };
+        let arranger = Arranger {
+            frame,
+            sub_bits: options.sub_bits.clamp(4, MAX_FINE_BITS - bits),
+            weld,
+            cluster,
+            budget,
+        };
+        if let Some(mut arrangement) = arranger.arrange(&valid) {
+            arrangement.report.n_curves = curves.len();
+            arrangement.report.n_skipped += curves.len() - valid.len();
+            arrangement.report.n_coarsened = n_coarsened;
+            return arrangement;
+        }
+        n_coarsened += 1;
+    }
+}
+
+/// Beyond this, squares overflow.
+const MAX_COORDINATE: f64 = 1e100;
+
+/// Are all coordinates finite, and their squares too?
+fn is_bounded(curve: &TaggedCurve) -> bool {
+    curve
+        .points
+        .iter()
+        .all(|p| p.x.abs() < MAX_COORDINATE && p.y.abs() < MAX_COORDINATE)
+}
+
+/// Fewer pixels than this are no arrangement.
+const MIN_BITS: u32 = 8;
+
+/// Coordinates of the input are rounded to 53 bits; pixels have at most so many,
+/// so that the rounding is small even for crossings at small angles.
+const MAX_PIXEL_BITS: i32 = 40;
+
+/// The pixels for these curves; nothing if they have no extent.
+fn choose_frame(curves: &[(u32, &TaggedCurve)], bits: u32) -> Option<Frame> {
+    let bounds = |only_boundary: bool| {
+        curves
+            .iter()
+            .filter(|(_, c)| !only_boundary || c.order == Order::Boundary)
+            .flat_map(|(_, c)| &c.points)
+            .fold(None, |bounds: Option<(DVec2, DVec2)>, &p| {
+                let (min, max) = bounds.unwrap_or((p, p));
+                Some((min.min(p), max.max(p)))
+            })
+    };
+    let (min, max) = bounds(false)?;
+    let extent = (max - min).max_element();
+    let largest = min.abs().max(max.abs()).max_element();
+    let exponent = (log2_ceil(extent) - bits as i32).max(log2_ceil(largest) - MAX_PIXEL_BITS);
+    if extent <= 0.0 || exponent < -900 {
+        return None;
+    }
+    let pixel = 2.0_f64.powi(exponent);
+    let (min, max) = bounds(true).unwrap_or((min, max));
+    let origin = ((min + max) / 2.0 / pixel).round() * pixel;
+    Some(Frame { origin, pixel })
+}
+
+/// The smallest `e` with `x <= 2^e`, for normal numbers.
+fn log2_ceil(x: f64) -> i32 {
+    let bits = x.to_bits();
+    let exponent = ((bits >> 52) & 0x7ff) as i32 - 1023;
+    if bits & ((1 << 52) - 1) == 0 {
+        exponent
+    } else {
+        exponent + 1
+    }
+}
+
+/// One attempt, with given pixels.
+struct Arranger {
+    frame: Frame,
+    sub_bits: u32,
+    weld: f64,
+    cluster: f64,
+    budget: usize,
+}
+
+impl Arranger {
+    /// Nothing if there would be too many edges.
+    fn arrange(&self, curves: &[(u32, &TaggedCurve)]) -> Option<Arrangement> {
+        let (nodes, segments) = self.segments(curves);
+        let mut sets = CurveSets::default();
+        let (pieces, n_lines) = cut_lines(&nodes.list, &segments, self.cluster / 4.0, &mut sets);
+
+        let fine: Vec<[Fine; 2]> = pieces
+            .iter()
+            .map(|piece| piece.ends.map(|n| self.fine(&nodes.list[n as usize])))
+            .collect();
+        let chains = snap_round(&fine, self.sub_bits, self.budget)?;
+        let edges = chain_edges(&pieces, &chains, &mut sets);
+        let (vertices, n_nodes) = self.vertices(&nodes, &pieces, &chains.pixels);
+
+        let report = ArrangementReport {
+            n_curves: curves.len(),
+            n_skipped: curves.len() - n_kept(curves, &segments),
+            n_lines,
+            n_pieces: pieces.len(),
+            n_crossings: vertices.len() - n_nodes,
+            n_vertices: vertices.len(),
+            n_edges: edges.len(),
+            n_coarsened: 0,
+        };
+        Some(Arrangement {
+            vertices,
+            pixels: chains.pixels,
+            edges,
+            sets,
+            report,
+            origin: self.frame.origin,
+            pixel: self.frame.pixel,
+            // To the border and to a node; to a line; to the centre of a pixel.
+            tolerance: self.cluster / 2.0 + self.weld + self.cluster / 2.0 + 1.0,
+        })
+    }
+
+    /// The curves' nodes, and the segments between them: sorted, each once.
+    fn segments(&self, curves: &[(u32, &TaggedCurve)]) -> (Nodes, Vec<Segment>) {
+        let mut points = Vec::new();
+        let mut spans: Vec<([u32; 2], u32, bool)> = Vec::new();
+        for &(id, curve) in curves {
+            let is_boundary = curve.order == Order::Boundary;
+            for (k, &chart) in curve.points.iter().enumerate() {
+                let i = points.len() as u32;
+                if k > 0 {
+                    spans.push(([i - 1, i], id, is_boundary));
+                }
+                points.push(InputPoint { chart, is_boundary });
+            }
+        }
+        let outline: Vec<[u32; 2]> = spans.iter().filter(|s| s.2).map(|s| s.0).collect();
+        let nodes = weld_points(&points, &outline, self.frame, self.weld, self.cluster / 2.0);
+
+        for (ends, ..) in &mut spans {
+            let [a, b] = ends.map(|p| nodes.of_point[p as usize]);
+            *ends = [a.min(b), a.max(b)];
+        }
+        spans.retain(|([a, b], ..)| a != b);
+        spans.sort_unstable();
+        let segments = spans
+            .chunk_by(|a, b| a.0 == b.0)
+            .map(|same| {
+                let mut curves: SmallVec<[u32; 2]> = same.iter().map(|s| s.1).collect();
+                curves.dedup();
+                let n_borders = same.iter().filter(|s| s.2).count();
+                Segment {
+                    ends: same[0].0,
+                    curves,
+                    is_boundary: n_borders > 0,
+                    toggles: n_borders % 2 == 1,
+                }
+            })
+            .collect();
+        (nodes, segments)
+    }
+
+    fn fine(&self, node: &Node) -> Fine {
+        let scale = (1_i64 << self.sub_bits) as f64;
+        (node.position * scale).round().to_array().map(|x| x as i64)
+    }
+
+    /// The vertices in the chart, and how many of them are nodes.
+    fn vertices(
+        &self,
+        nodes: &Nodes,
+        pieces: &[Piece],
+        pixels: &[[i64; 2]],
+    ) -> (Vec<DVec2>, usize) {
+        let centre = |p: &[i64; 2]| self.frame.to_chart(dvec2(p[0] as f64, p[1] as f64));
+        let mut vertices: Vec<DVec2> = pixels.iter().map(centre).collect();
+        let mut used: Vec<u32> = pieces.iter().flat_map(|p| p.ends).collect();
+        used.sort_unstable();
+        used.dedup();
+        for &n in &used {
+            // Nodes are more than a pixel apart: no two have the same.
+            let node = &nodes.list[n as usize];
+            let pixel = pixel_of(self.fine(node), self.sub_bits);
+            if let Ok(v) = pixels.binary_search(&pixel) {
+                vertices[v] = node.chart;
+            }
+        }
+        (vertices, used.len())
+    }
+}
+
+/// How many curves have a segment.
+fn n_kept(curves: &[(u32, &TaggedCurve)], segments: &[Segment]) -> usize {
+    let mut kept: Vec<u32> = segments
+        .iter()
+        .flat_map(|s| s.curves.iter().copied())
+        .collect();
+    kept.sort_unstable();
+    kept.dedup();
+    kept.len().min(curves.len())
+}
+
+/// The links of all chains as edges: sorted, each once.
+fn chain_edges(pieces: &[Piece], chains: &Chains, sets: &mut CurveSets) -> Vec<ArrangedEdge> {
+    let mut links: Vec<Piece> = Vec::with_capacity(chains.links.len());
+    let mut start = 0;
+    for (piece, &end) in pieces.iter().zip(&chains.ends) {
+        for pair in chains.links[start..end].windows(2) {
+            let (a, b) = (pair[0], pair[1]);
+            links.push(Piece {
+                ends: [a.min(b), a.max(b)],
+                ..*piece
+            });
+        }
+        start = end;
+    }
+    links.sort_unstable();
+    merge_pieces(&mut links, sets);
+    links
+        .iter()
+        .map(|l| ArrangedEdge {
+            ends: l.ends,
+            curves: l.curves,
+            separates: l.toggles,
+        })
+        .collect()
+}
+
+impl Arrangement {
+    /// Checks everything an arrangement promises.
+    ///
+    /// No two edges cross, no vertex lies on an edge, and every curve is a chain of
+    /// edges that carry its id and lie within [`tolerance`](Self::tolerance) of it.
+    ///
+    /// # Errors
+    ///
+    /// The first broken promise, for people.
+    pub fn check(&self, curves: &[TaggedCurve]) -> Result<(), String> {
+        self.check_order()?;
+        self.check_noded()?;
+        self.check_curves(curves)
+    }
+
+    fn check_order(&self) -> Result<(), String> {
+        if self.pixels.len() != self.vertices.len() || !self.pixels.is_sorted_by(|a, b| a < b) {
+            return Err("pixels are not distinct and ascending".into());
+        }
+        if !self.edges.is_sorted_by(|a, b| a.ends < b.ends) {
+            return Err("edges are not distinct and ascending".into());
+        }
+        for (v, (&p, &pixel)) in self.vertices.iter().zip(&self.pixels).enumerate() {
+            let centre = self.origin + to_f64(pixel) * self.pixel;
+            if p.distance(centre) > self.pixel {
+                return Err(format!("vertex {v} at {p} is not in its pixel at {centre}"));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_noded(&self) -> Result<(), String> {
+        let ends: Vec<[Fine; 2]> = self
+            .edges
+            .iter()
+            .map(|e| e.ends.map(|v| self.pixels[v as usize]))
+            .collect();
+        let segments: Vec<[DVec2; 2]> = ends.iter().map(|e| e.map(to_f64)).collect();
+        let grid = Grid::of_segments(&segments, 0.01);
+        for cell in 0..grid.n_cells() {
+            let items = grid.items(cell);
+            for (n, &i) in items.iter().enumerate() {
+                for &j in &items[n + 1..] {
+                    if crosses(ends[i as usize], ends[j as usize]) {
+                        return Err(format!("edges {i} and {j} cross"));
+                    }
+                }
+            }
+        }
+        let points: Vec<DVec2> = self.pixels.iter().map(|&p| to_f64(p)).collect();
+        let grid = Grid::of_points(&points);
+        for (e, &[a, b]) in ends.iter().enumerate() {
+            let mut found = None;
+            grid.walk(to_f64(a), to_f64(b), 0.01, &mut |cell| {
+                for &v in grid.items(cell) {
+                    let p = self.pixels[v as usize];
+                    let (d, to_p) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+                    let in_box = (0..2).all(|k| a[k].min(b[k]) <= p[k] && p[k] <= a[k].max(b[k]));
+                    if in_box && p != a && p != b && cross(d, to_p) == 0 {
+                        found = Some(v);
+                    }
+                }
+            });
+            if let Some(v) = found {
+                return Err(format!("vertex {v} lies on edge {e}"));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_curves(&self, curves: &[TaggedCurve]) -> Result<(), String> {
+        let mut edges_of: BTreeMap<u32, Vec<[DVec2; 2]>> = BTreeMap::new();
+        for edge in &self.edges {
+            let ends = edge.ends.map(|v| to_f64(self.pixels[v as usize]));
+            for &curve in self.sets.get(edge.curves) {
+                edges_of.entry(curve).or_default().push(ends);
+            }
+        }
+        let frame = Frame {
+            origin: self.origin,
+            pixel: self.pixel,
+        };
+        for (id, curve) in (0..).zip(curves) {
+            if !is_bounded(curve) {
+                continue;
+            }
+            let points: Vec<DVec2> = curve.points.iter().map(|&p| frame.to_pixels(p)).collect();
+            let edges = edges_of.get(&id).map_or(&[][..], |e| e);
+            check_curve(&points, edges, self.tolerance).map_err(|e| format!("curve {id}: {e}"))?;
+        }
+        Ok(())
+    }
+}
+
+/// Do the edges cover the polyline, and are they all near it?
+fn check_curve(points: &[DVec2], edges: &[[DVec2; 2]], tolerance: f64) -> Result<(), String> {
+    let mut is_near = vec![false; edges.len()];
+    for (k, pair) in points.windows(2).enumerate() {
+        let (a, length) = (pair[0], pair[0].distance(pair[1]));
+        let direction = (pair[1] - a).normalize_or_zero();
+        let mut covered: Vec<[f64; 2]> = Vec::new();
+        for (e, ends) in edges.iter().enumerate() {
+            let along = ends.map(|p| direction.dot(p - a));
+            let is_close = (0..2).all(|i| {
+                let foot = a + along[i].clamp(0.0, length) * direction;
+                ends[i].distance(foot) <= tolerance
+            });
+            if is_close {
+                is_near[e] = true;
+                covered.push([along[0].min(along[1]), along[0].max(along[1])]);
+            }
+        }
+        if length <= 2.0 * tolerance {
+            continue;
+        }
+        covered.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let mut reached = tolerance;
+        for [from, to] in covered {
+            // Neighbouring edges share a vertex; this is rounding.
+            if from > reached + 1e-3 {
+                break;
+            }
+            reached = reached.max(to);
+        }
+        if reached < length - tolerance {
+            return Err(format!(
+                "segment {k} of {length} pixels is covered up to {reached}"
+            ));
+        }
+    }
+    match is_near.iter().position(|near| !near) {
+        Some(e) => Err(format!("edge at {} is not near", edges[e][0])),
+        None => Ok(()),
+    }
+}
+
+fn to_f64(pixel: [i64; 2]) -> DVec2 {
+    dvec2(pixel[0] as f64, pixel[1] as f64)
+}

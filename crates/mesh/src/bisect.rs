@@ -1,0 +1,177 @@
+//! Refinement by bisection of longest edges (Rivara 1984).
+
+use std::cmp::Ordering;
+
+use crate::trimesh::{TriMesh, ascending};
+
+impl TriMesh {
+    /// Bisects the marked triangles across their longest edges.
+    ///
+    /// Neighbours are bisected as far as it takes for the mesh to stay conforming:
+    /// no vertex ever lies inside an edge. The halves of an edge inherit its
+    /// curves. The order of `marked` and repetitions in it make no difference.
+    ///
+    /// Returns for each triangle which triangle before the call it is a part of. A
+    /// triangle that was bisected keeps its index for one of its parts; others are
+    /// appended. A triangle whose longest edge is shorter than four pixels of the
+    /// arrangement stays whole.
+    ///
+    /// # Panics
+    ///
+    /// If a marked index is no triangle.
+    ///
+    /// # Source
+    ///
+    /// Rivara 1997, *New longest-edge algorithms for the refinement and/or
+    /// improvement of unstructured triangulations*.
+    pub fn bisect(&mut self, marked: &[u32]) -> Vec<u32> {
+        let mut marked = marked.to_vec();
+        marked.sort_unstable();
+        marked.dedup();
+        let n = self.triangles.len();
+        let mut refinement = Refinement {
+            mesh: self,
+            parents: (0..n as u32).collect(),
+            is_split: vec![false; n],
+        };
+        for t in marked {
+            if refinement.is_splittable(t) {
+                refinement.split(t);
+            }
+        }
+        refinement.parents
+    }
+
+    /// The longest edge of a triangle. No two edges of a mesh are equally long:
+    /// where lengths are, vertices decide.
+    fn longest_edge(&self, t: u32) -> usize {
+        let triangle = self.triangles[t as usize];
+        let mut longest = 0;
+        for k in 1..3 {
+            let [e, f] = [k, longest].map(|k| ascending(triangle[k], triangle[(k + 1) % 3]));
+            if self.compare_lengths(e, f) == Ordering::Greater {
+                longest = k;
+            }
+        }
+        longest
+    }
+
+    fn compare_lengths(&self, e: [u32; 2], f: [u32; 2]) -> Ordering {
+        let [p, q] = [e, f]
+            .map(|[a, b]| self.vertices[a as usize].distance_squared(self.vertices[b as usize]));
+        p.total_cmp(&q).then(e.cmp(&f))
+    }
+}
+
+/// A call of [`TriMesh::bisect`] under way.
+struct Refinement<'a> {
+    mesh: &'a mut TriMesh,
+    parents: Vec<u32>,
+    /// Which triangles there were at the start have been bisected.
+    is_split: Vec<bool>,
+}
+
+impl Refinement<'_> {
+    /// Is the triangle so large that halves of its longest edge are shorter?
+    ///
+    /// At the last bits of coordinates they need not be, and bisection would not
+    /// end. A pixel has more than a thousand such units. What a bisection has to
+    /// bisect elsewhere has longer edges.
+    fn is_splittable(&self, t: u32) -> bool {
+        let triangle = self.mesh.triangles[t as usize];
+        let k = self.mesh.longest_edge(t);
+        let [p, q] = [triangle[k], triangle[(k + 1) % 3]].map(|v| self.mesh.vertices[v as usize]);
+        p.distance(q) >= 4.0 * self.mesh.pixel()
+    }
+
+    /// Bisects a triangle, and before it whatever is in the way.
+    fn split(&mut self, t: u32) {
+        // The longest edges from triangle to triangle become strictly longer, so
+        // the path ends: at the border, or where two share their longest edge.
+        let mut path = vec![t];
+        while let Some(&last) = path.last() {
+            if self.is_split[t as usize] {
+                return;
+            }
+            let k = self.mesh.longest_edge(last);
+            let beyond = self.mesh.neighbours[last as usize][k];
+            let back = beyond.map(|n| (n, self.side_towards(n, last)));
+            match back {
+                Some((n, side)) if self.mesh.longest_edge(n) != side => path.push(n),
+                _ => {
+                    self.bisect_edge(last, k, back);
+                    // Both have longer edges than the rest of the path, which stays.
+                    path.pop();
+                }
+            }
+        }
+    }
+
+    /// Which edge of triangle `t` leads to triangle `to`.
+    fn side_towards(&self, t: u32, to: u32) -> usize {
+        let sides = self.mesh.neighbours[t as usize];
+        sides
+            .iter()
+            .position(|&n| n == Some(to))
+            .expect("neighbours know each other")
+    }
+
+    /// Puts a vertex in the middle of an edge and bisects the triangles beside it.
+    fn bisect_edge(&mut self, t: u32, k: usize, beyond: Option<(u32, usize)>) {
+        let mesh = &mut *self.mesh;
+        let triangle = mesh.triangles[t as usize];
+        let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
+        let [p, q] = [a, b].map(|v| mesh.vertices[v as usize]);
+        let m = mesh.vertices.len() as u32;
+        mesh.vertices.push((p + q) / 2.0);
+        if let Some(curves) = mesh.edges.remove(&ascending(a, b)) {
+            mesh.edges.insert(ascending(a, m), curves);
+            mesh.edges.insert(ascending(m, b), curves);
+        }
+
+        let (near_a, near_b) = self.halve(t, k, m);
+        if let Some((n, side)) = beyond {
+            // Seen from there the edge goes from b to a.
+            let (beyond_b, beyond_a) = self.halve(n, side, m);
+            self.join(near_a, a, m, beyond_a);
+            self.join(near_b, m, b, beyond_b);
+        }
+    }
+
+    /// Cuts a triangle from `m` in edge `k` to the opposite corner.
+    ///
+    /// Returns the halves at the edge's first and second end. Across the halves of
+    /// the edge they have no neighbours yet.
+    fn halve(&mut self, t: u32, k: usize, m: u32) -> (u32, u32) {
+        let mesh = &mut *self.mesh;
+        let triangle = mesh.triangles[t as usize];
+        let sides = mesh.neighbours[t as usize];
+        let [a, b, c] = [0, 1, 2].map(|i| triangle[(k + i) % 3]);
+        let [_, beyond_bc, beyond_ca] = [0, 1, 2].map(|i| sides[(k + i) % 3]);
+
+        let new = mesh.triangles.len() as u32;
+        mesh.triangles[t as usize] = [a, m, c];
+        mesh.neighbours[t as usize] = [None, Some(new), beyond_ca];
+        mesh.triangles.push([m, b, c]);
+        mesh.neighbours.push([None, beyond_bc, Some(t)]);
+        if let Some(n) = beyond_bc {
+            let back = self.side_towards(n, t);
+            self.mesh.neighbours[n as usize][back] = Some(new);
+        }
+
+        let parent = self.parents[t as usize];
+        self.parents.push(parent);
+        self.is_split[parent as usize] = true;
+        (t, new)
+    }
+
+    /// Makes triangles neighbours across the edge that goes from `a` to `b` in `t`.
+    fn join(&mut self, t: u32, a: u32, b: u32, other: u32) {
+        for (t, a, b, beyond) in [(t, a, b, other), (other, b, a, t)] {
+            let triangle = self.mesh.triangles[t as usize];
+            let side = (0..3).find(|&k| triangle[k] == a && triangle[(k + 1) % 3] == b);
+            let side = side.expect("both halves have their half of the edge");
+            self.mesh.neighbours[t as usize][side] = Some(beyond);
+        }
+    }
+}

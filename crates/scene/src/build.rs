@@ -1,0 +1,424 @@
+//! From what a file says to a valid [`Scene`]: one pass, all problems.
+//!
+//! The order matters: an exact change of coordinates, welding, outlines (repeats,
+//! keyholes, holes, planarity), plane classes, edges, overlaps. Each tolerance is
+//! consulted once, here; what it decides is an id afterwards.
+
+mod frame;
+mod materials;
+mod outline;
+mod overlap;
+mod planes;
+mod weld;
+
+use crate::bvh::{Aabb, BoxTree};
+use crate::input::{LengthUnit, SceneInput};
+use crate::problem::{Problem, Severity};
+use crate::scene::{
+    Edge, Face, FaceId, Frame, MaterialId, Piece, PlaneId, Scene, Surface, SurfaceId, VertexId,
+};
+use glam::DVec3;
+use outline::Polygon;
+use std::collections::BTreeMap;
+
+/// A scene, and what was done to it or is worth saying.
+#[derive(Clone, Debug)]
+pub struct Built {
+    /// The scene.
+    pub scene: Scene,
+    /// All of [`Severity::Warning`], in the order of the surfaces.
+    pub warnings: Vec<Problem>,
+}
+
+impl Scene {
+    /// Checks a scene and makes it ready for enumeration.
+    ///
+    /// # Errors
+    ///
+    /// All problems, warnings included, in the order of the surfaces (materials
+    /// first, the scene as a whole last), if at least one is an error.
+    pub fn build(input: &SceneInput) -> Result<Built, Vec<Problem>> {
+        let mut findings = Findings::default();
+        check_names(input, &mut findings);
+        let (materials, n_bands) = materials::check(input, &mut findings);
+        let usable = frame::finite_surfaces(input, &mut findings);
+        let Some((frame, extent)) = frame::of(input, &usable, &mut findings) else {
+            return Err(findings.into_sorted());
+        };
+
+        let welded = weld::weld(input, &usable, &frame, extent);
+        let mut shaper = outline::Shaper {
+            vertices: &welded.vertices,
+            extent,
+            units: Units {
+                frame,
+                unit: input.length_unit,
+            },
+            findings: &mut findings,
+        };
+        let mut polygons: Vec<Vec<Polygon>> = input
+            .surfaces
+            .iter()
+            .zip(&welded.loops)
+            .enumerate()
+            .map(|(s, (surface, loops))| shaper.polygons(s, &surface.name, loops))
+            .collect();
+        if findings.no_errors() && polygons.iter().all(Vec::is_empty) {
+            findings.error(
+                Findings::SCENE,
+                "no-surfaces",
+                Vec::new(),
+                "the scene has no surface with an area (at least 1 is needed)".to_owned(),
+            );
+        }
+
+        let vertices = keep_used(&welded.vertices, &mut polygons);
+        let tolerance = extent * Self::PLANE_TOLERANCE;
+        let (planes, class_of) = planes::classify(polygons.iter().flatten(), &vertices, tolerance);
+        let material_ids = materials::ids(input);
+        let mut scene = Self {
+            length_unit: input.length_unit,
+            quantity: input.quantity,
+            frame,
+            n_bands,
+            materials,
+            surfaces: Vec::with_capacity(input.surfaces.len()),
+            vertices,
+            faces: Vec::new(),
+            pieces: Vec::new(),
+            edges: Vec::new(),
+            planes,
+            tree: BoxTree::default(),
+            extent,
+        };
+        let mut class_of = class_of.into_iter();
+        for (s, (surface, polygons)) in input.surfaces.iter().zip(polygons).enumerate() {
+            let first = scene.faces.len() as u32;
+            let material = material_ids[s];
+            let two_sided = material
+                .and_then(|m| scene.materials.get(m.index()))
+                .is_some_and(|m| m.two_sided);
+            let classes: Vec<(PlaneId, bool)> = class_of.by_ref().take(polygons.len()).collect();
+            for (polygon, &class) in polygons.iter().zip(&classes) {
+                scene.push_face(SurfaceId(s as u32), polygon, class, false);
+            }
+            if two_sided {
+                for (polygon, &class) in polygons.iter().zip(&classes) {
+                    scene.push_face(SurfaceId(s as u32), polygon, class, true);
+                }
+            }
+            scene.surfaces.push(Surface {
+                name: surface.name.clone(),
+                material: material.unwrap_or(MaterialId(0)),
+                faces: first..scene.faces.len() as u32,
+            });
+        }
+        scene.edges = edges(&scene.faces);
+        scene.tree = BoxTree::new(&scene.front_boxes());
+        if scene.materials.len() == input.materials.len()
+            && material_ids.iter().all(Option::is_some)
+        {
+            overlap::check(&scene, &mut findings);
+            if findings.no_errors() && scene.emitters().next().is_none() {
+                findings.warning(
+                    Findings::SCENE,
+                    "no-emitter",
+                    Vec::new(),
+                    "no surface emits: the irradiance is zero everywhere".to_owned(),
+                );
+            }
+        }
+
+        if findings.no_errors() {
+            Ok(Built {
+                scene,
+                warnings: findings.into_sorted(),
+            })
+        } else {
+            Err(findings.into_sorted())
+        }
+    }
+
+    fn push_face(
+        &mut self,
+        surface: SurfaceId,
+        polygon: &Polygon,
+        (plane, along): (PlaneId, bool),
+        is_back: bool,
+    ) {
+        let turned = |corners: &[u32]| -> Vec<VertexId> {
+            let ids = corners.iter().map(|&v| VertexId(v));
+            if is_back {
+                ids.rev().collect()
+            } else {
+                ids.collect()
+            }
+        };
+        let face = FaceId(self.faces.len() as u32);
+        let first = self.pieces.len() as u32;
+        self.pieces.extend(polygon.pieces.iter().map(|piece| Piece {
+            face,
+            vertices: turned(piece),
+        }));
+        let along_plane = along != is_back;
+        let normal = self.planes[plane.index()].normal;
+        self.faces.push(Face {
+            surface,
+            is_back,
+            outline: turned(&polygon.outline),
+            holes: polygon.holes.iter().map(|hole| turned(hole)).collect(),
+            plane,
+            normal: if along_plane {
+                normal
+            } else {
+                DVec3::ZERO - normal
+            },
+            along_plane,
+            pieces: first..self.pieces.len() as u32,
+            area: polygon.area,
+        });
+    }
+
+    fn front_boxes(&self) -> Vec<(u32, Aabb)> {
+        self.pieces
+            .iter()
+            .enumerate()
+            .filter(|(_, piece)| !self.face(piece.face).is_back)
+            .map(|(i, piece)| {
+                (
+                    i as u32,
+                    Aabb::of(piece.vertices.iter().map(|&v| self.position(v))),
+                )
+            })
+            .collect()
+    }
+}
+
+/// Forgets vertices that no polygon uses; the order of the others stays.
+fn keep_used(vertices: &[DVec3], polygons: &mut [Vec<Polygon>]) -> Vec<DVec3> {
+    let mut new_id = vec![u32::MAX; vertices.len()];
+    for polygon in polygons.iter().flatten() {
+        for &v in polygon.corners() {
+            new_id[v as usize] = 0;
+        }
+    }
+    let mut kept = Vec::with_capacity(vertices.len());
+    for (id, &position) in new_id.iter_mut().zip(vertices) {
+        if *id == 0 {
+            *id = kept.len() as u32;
+            kept.push(position);
+        }
+    }
+    for polygon in polygons.iter_mut().flatten() {
+        polygon.renumber(|v| new_id[v as usize]);
+    }
+    kept
+}
+
+/// The edges of all fronts, sorted by their ends.
+fn edges(faces: &[Face]) -> Vec<Edge> {
+    let mut sides: Vec<([VertexId; 2], FaceId)> = Vec::new();
+    for (f, face) in faces.iter().enumerate().filter(|(_, face)| !face.is_back) {
+        for corners in face.loops() {
+            for (i, &a) in corners.iter().enumerate() {
+                let b = corners[(i + 1) % corners.len()];
+                sides.push(([a.min(b), a.max(b)], FaceId(f as u32)));
+            }
+        }
+    }
+    sides.sort_unstable();
+    sides.dedup();
+    sides
+        .chunk_by(|a, b| a.0 == b.0)
+        .map(|same| Edge {
+            ends: same[0].0,
+            faces: same.iter().map(|side| side.1).collect(),
+        })
+        .collect()
+}
+
+fn check_names(input: &SceneInput, findings: &mut Findings) {
+    if input.surfaces.is_empty() {
+        findings.error(
+            Findings::SCENE,
+            "no-surfaces",
+            Vec::new(),
+            "the scene has no surfaces (at least 1 is needed)".to_owned(),
+        );
+    }
+    let mut surfaces: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (s, surface) in input.surfaces.iter().enumerate() {
+        surfaces.entry(&surface.name).or_default().push(s);
+    }
+    for (name, at) in surfaces.into_iter().filter(|(_, at)| at.len() > 1) {
+        findings.push(
+            Findings::surface(at[0]),
+            Problem {
+                severity: Severity::Error,
+                kind: "duplicate-name",
+                names: vec![name.to_owned()],
+                found: Some(at.len() as f64),
+                allowed: Some(1.0),
+                message: format!(
+                    "surface '{name}': {} surfaces have this name (allowed 1)",
+                    at.len()
+                ),
+            },
+        );
+    }
+    let mut materials: BTreeMap<&str, usize> = BTreeMap::new();
+    for material in &input.materials {
+        *materials.entry(&material.name).or_default() += 1;
+    }
+    for (name, &n) in materials.iter().filter(|(_, n)| **n > 1) {
+        findings.error(
+            Findings::MATERIAL,
+            "duplicate-name",
+            vec![(*name).to_owned()],
+            format!("material '{name}': {n} materials have this name (allowed 1)"),
+        );
+    }
+    for (s, surface) in input.surfaces.iter().enumerate() {
+        if !materials.contains_key(surface.material.as_str()) {
+            findings.error(
+                Findings::surface(s),
+                "unknown-material",
+                vec![surface.name.clone(), surface.material.clone()],
+                format!(
+                    "surface '{}': material '{}' is not among the materials of the scene",
+                    surface.name, surface.material
+                ),
+            );
+        }
+    }
+}
+
+/// Numbers in messages are in the file's units.
+#[derive(Clone, Copy, Debug)]
+struct Units {
+    frame: Frame,
+    unit: LengthUnit,
+}
+
+impl Units {
+    fn length(&self, length: f64) -> String {
+        format!(
+            "{} {}",
+            short(self.frame.length_to_file(length)),
+            self.unit.symbol()
+        )
+    }
+
+    fn area(&self, area: f64) -> String {
+        format!(
+            "{} {}²",
+            short(self.frame.area_to_file(area)),
+            self.unit.symbol()
+        )
+    }
+
+    fn point(&self, point: DVec3) -> String {
+        let p = self.frame.to_file(point);
+        format!("({}, {}, {})", short(p.x), short(p.y), short(p.z))
+    }
+}
+
+/// A number with four significant digits at least and no needless zeros.
+pub(crate) fn short(x: f64) -> String {
+    let a = x.abs();
+    if x == 0.0 || !x.is_finite() {
+        return format!("{x}");
+    }
+    if !(1e-4..1e7).contains(&a) {
+        return format!("{x:.3e}").replace(".000e", "e");
+    }
+    let decimals = (3 - a.log10().floor() as i32).max(0) as usize;
+    let text = format!("{x:.decimals$}");
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+/// Up to four names, and how many more there are.
+fn listed(names: &[String]) -> String {
+    const SHOWN: usize = 4;
+    let mut text = names
+        .iter()
+        .take(SHOWN)
+        .map(|name| format!("'{name}'"))
+        .collect::<Vec<_>>()
+        .join(", ");
+    if names.len() > SHOWN {
+        text += &format!(" and {} more", names.len() - SHOWN);
+    }
+    text
+}
+
+/// Problems as they are found, each with its place in the report.
+#[derive(Debug, Default)]
+struct Findings {
+    list: Vec<(usize, Problem)>,
+}
+
+impl Findings {
+    const MATERIAL: usize = 0;
+    const SCENE: usize = usize::MAX;
+
+    /// The place of the surface with this index.
+    fn surface(index: usize) -> usize {
+        index + 1
+    }
+
+    fn push(&mut self, place: usize, problem: Problem) {
+        self.list.push((place, problem));
+    }
+
+    fn error(&mut self, place: usize, kind: &'static str, names: Vec<String>, message: String) {
+        let severity = Severity::Error;
+        self.push(
+            place,
+            Problem {
+                severity,
+                kind,
+                names,
+                found: None,
+                allowed: None,
+                message,
+            },
+        );
+    }
+
+    fn warning(&mut self, place: usize, kind: &'static str, names: Vec<String>, message: String) {
+        let severity = Severity::Warning;
+        self.push(
+            place,
+            Problem {
+                severity,
+                kind,
+                names,
+                found: None,
+                allowed: None,
+                message,
+            },
+        );
+    }
+
+    /// Adds the numbers to the last finding.
+    fn with_numbers(&mut self, found: f64, allowed: f64) {
+        if let Some((_, problem)) = self.list.last_mut() {
+            problem.found = Some(found);
+            problem.allowed = Some(allowed);
+        }
+    }
+
+    fn no_errors(&self) -> bool {
+        self.list.iter().all(|(_, p)| p.severity != Severity::Error)
+    }
+
+    fn into_sorted(mut self) -> Vec<Problem> {
+        self.list.sort_by_key(|(place, _)| *place);
+        self.list.into_iter().map(|(_, problem)| problem).collect()
+    }
+}

@@ -1,0 +1,849 @@
+//! From the loops of a surface to plane polygons with convex pieces.
+
+use super::weld::WELD_TOLERANCE;
+use super::{Findings, Units, short};
+use crate::bvh::Aabb;
+use crate::scene::Scene;
+use antumbra_geom::{
+    Chart, DVec2, DVec3, cdt, convex_pieces, newell_normal, point_in_polygon, segments_cross,
+    signed_area,
+};
+
+/// Off its plane by less than this part of its size a surface is plane: eight
+/// digits more than drawing programs write, seven fewer than a rotation loses.
+const FLAT: f64 = 1e-9;
+/// Off its plane by up to this part of its size it is split into triangles; the
+/// measured walls of the Cornell box need 1.8e-3.
+const WARPED: f64 = 2e-3;
+
+/// A plane polygon over welded vertices.
+#[derive(Clone, Debug)]
+pub(super) struct Polygon {
+    /// Counter-clockwise seen from the front.
+    pub(super) outline: Vec<u32>,
+    /// Clockwise seen from the front.
+    pub(super) holes: Vec<Vec<u32>>,
+    /// Convex, counter-clockwise.
+    pub(super) pieces: Vec<Vec<u32>>,
+    /// Unit normal.
+    pub(super) normal: DVec3,
+    /// The corner nearest to the middle of the corners' heights.
+    pub(super) point: u32,
+    pub(super) area: f64,
+    /// Extent across the longest extent: rounding tilts the plane by its inverse.
+    pub(super) width: f64,
+}
+
+impl Polygon {
+    /// All corners, of the outline and of the holes.
+    pub(super) fn corners(&self) -> impl Iterator<Item = &u32> {
+        self.outline.iter().chain(self.holes.iter().flatten())
+    }
+
+    /// Replaces every vertex id.
+    pub(super) fn renumber(&mut self, new_id: impl Fn(u32) -> u32) {
+        let loops = std::iter::once(&mut self.outline).chain(&mut self.holes);
+        for v in loops.chain(&mut self.pieces).flatten() {
+            *v = new_id(*v);
+        }
+        self.point = new_id(self.point);
+    }
+}
+
+/// Makes polygons of loops and reports what it finds.
+pub(super) struct Shaper<'a> {
+    pub(super) vertices: &'a [DVec3],
+    pub(super) extent: f64,
+    pub(super) units: Units,
+    pub(super) findings: &'a mut Findings,
+}
+
+/// Why a surface has no polygon.
+enum Refusal {
+    /// Of zero area: a warning.
+    Empty,
+    /// An error: its kind and what to say.
+    Bad(&'static str, String),
+}
+
+/// The outline and the holes of one surface, cleaned.
+struct Shape {
+    outline: Vec<u32>,
+    holes: Vec<Vec<u32>>,
+    /// Strictly convex without holes: nothing else to check.
+    is_convex: bool,
+    n_repeated: usize,
+    n_collinear: usize,
+    n_opened: usize,
+    n_empty_holes: usize,
+}
+
+impl Shaper<'_> {
+    /// The polygons of a surface: none if it was refused or dropped, several if
+    /// it was split.
+    pub(super) fn polygons(&mut self, s: usize, name: &str, loops: &[Vec<u32>]) -> Vec<Polygon> {
+        if loops.is_empty() {
+            return Vec::new();
+        }
+        match self.try_polygons(s, name, loops) {
+            Ok(polygons) => polygons,
+            Err(Refusal::Empty) => {
+                self.findings.warning(
+                    Findings::surface(s),
+                    "zero-area",
+                    vec![name.to_owned()],
+                    format!("surface '{name}': dropped, for it has no area"),
+                );
+                Vec::new()
+            }
+            Err(Refusal::Bad(kind, text)) => {
+                let message = format!("surface '{name}': {text}");
+                self.findings
+                    .error(Findings::surface(s), kind, vec![name.to_owned()], message);
+                Vec::new()
+            }
+        }
+    }
+
+    fn try_polygons(
+        &mut self,
+        s: usize,
+        name: &str,
+        loops: &[Vec<u32>],
+    ) -> Result<Vec<Polygon>, Refusal> {
+        check_counts(loops)?;
+        let shape = self.clean(loops)?;
+        self.report_cleaning(s, name, &shape);
+        let positions = self.positions(&shape.outline);
+        let width = width(&positions);
+        if width <= self.smallest_width() {
+            return Err(Refusal::Empty);
+        }
+        let normal = self.normal(&positions, width);
+        let all: Vec<u32> = shape
+            .outline
+            .iter()
+            .chain(shape.holes.iter().flatten())
+            .copied()
+            .collect();
+        let (point, deviation) = self.middle(&all, normal);
+        let bounds = Aabb::of(positions.iter().copied());
+        let size = (bounds.max - bounds.min).length();
+        let relative = deviation / size;
+        // A thin surface must be flat by its thickness, or its plane has no meaning.
+        let thickness = width.min(newell_normal(&positions).length() / size);
+        let flat = (FLAT * size).min(1e-3 * thickness);
+        let is_flat = deviation <= flat.max(self.extent * Scene::PLANE_TOLERANCE);
+        if relative > WARPED && !is_flat {
+            return Err(Refusal::Bad(
+                "non-planar",
+                format!(
+                    "not planar: a vertex lies {} off its plane, {} of its size (allowed {WARPED:e} of its size)",
+                    self.units.length(deviation),
+                    short(relative)
+                ),
+            ));
+        }
+
+        // From here on in the chart, by exact predicates.
+        let chart = Chart::new(self.vertices[point as usize], normal);
+        let flat = Flat::new(&chart, self.vertices, &all);
+        let mut shape = shape;
+        if !shape.is_convex {
+            self.check_crossings(&shape, &flat)?;
+            check_holes(&mut shape, &flat)?;
+        }
+        if thickness <= self.smallest_width() {
+            return Err(Refusal::Empty);
+        }
+        if is_flat {
+            let pieces = flat.pieces(&shape)?;
+            let area = self.area(&shape.outline)
+                - shape.holes.iter().map(|hole| self.area(hole)).sum::<f64>();
+            let Shape { outline, holes, .. } = shape;
+            return Ok(vec![Polygon {
+                outline,
+                holes,
+                pieces,
+                normal,
+                point,
+                area,
+                width,
+            }]);
+        }
+        let triangles = flat.triangles(&shape)?;
+        let polygons: Vec<Polygon> = triangles
+            .into_iter()
+            .filter_map(|triangle| self.triangle(triangle))
+            .collect();
+        self.findings.warning(
+            Findings::surface(s),
+            "non-planar",
+            vec![name.to_owned()],
+            format!(
+                "surface '{name}': not planar: a vertex lies {} off its plane, {} of its size (allowed {FLAT:e} of its size); split into {} triangles",
+                self.units.length(deviation),
+                short(relative),
+                polygons.len()
+            ),
+        );
+        self.findings.with_numbers(relative, FLAT);
+        Ok(polygons)
+    }
+
+    /// Repeats, keyholes, touching corners, collinear corners.
+    fn clean(&self, loops: &[Vec<u32>]) -> Result<Shape, Refusal> {
+        let mut shape = Shape {
+            outline: without_repeats(&loops[0]),
+            holes: Vec::new(),
+            is_convex: false,
+            n_repeated: 0,
+            n_collinear: 0,
+            n_opened: 0,
+            n_empty_holes: 0,
+        };
+        let mut given: Vec<Vec<u32>> = loops
+            .iter()
+            .map(|corners| without_repeats(corners))
+            .collect();
+        let total = |loops: &[Vec<u32>]| loops.iter().map(Vec::len).sum::<usize>();
+        shape.n_repeated = total(loops) - total(&given);
+
+        if loops.len() == 1 && self.is_strictly_convex(&shape.outline) {
+            shape.is_convex = true;
+            return Ok(shape);
+        }
+        let positions = self.positions(&shape.outline);
+        if width(&positions) <= self.smallest_width() {
+            return Err(Refusal::Empty);
+        }
+
+        // An outline bridged to its holes comes apart where it runs along an
+        // edge twice; so that it does, edges are cut at corners that touch them.
+        self.cut_at_touching_corners(&mut given);
+        let normal = self.normal(&positions, width(&positions));
+        let mut parts = open_keyholes(&given[0]);
+        parts = parts
+            .into_iter()
+            .flat_map(|part| self.split_pinches(part, normal))
+            .collect();
+        let area = |part: &Vec<u32>| newell_normal(&self.positions(part)).dot(normal);
+        let outer = (0..parts.len())
+            .max_by(|&a, &b| {
+                area(&parts[a])
+                    .abs()
+                    .total_cmp(&area(&parts[b]).abs())
+                    .then(b.cmp(&a))
+            })
+            .ok_or(Refusal::Empty)?;
+        shape.outline = parts.swap_remove(outer);
+        let side = area(&shape.outline);
+        parts.retain(|part| self.drop_collinear(part, &[]).len() > 2);
+        if parts.iter().any(|part| area(part) * side > 0.0) {
+            return Err(Refusal::Bad(
+                "self-intersecting",
+                "the outline is several parts joined by a line or lies over itself (allowed one simple outline)"
+                    .to_owned(),
+            ));
+        }
+        shape.n_opened = parts.len();
+        shape.holes = parts;
+        shape.holes.extend(given.drain(1..));
+
+        // A corner stays where loops touch, for there it is no mere point of a line.
+        let mut all: Vec<u32> = shape
+            .outline
+            .iter()
+            .chain(shape.holes.iter().flatten())
+            .copied()
+            .collect();
+        all.sort_unstable();
+        let shared: Vec<u32> = all
+            .windows(2)
+            .filter(|pair| pair[0] == pair[1])
+            .map(|pair| pair[0])
+            .collect();
+        shape.outline = self.drop_collinear(&shape.outline, &shared);
+        shape.holes = shape
+            .holes
+            .iter()
+            .map(|hole| self.drop_collinear(hole, &shared))
+            .collect();
+        let n_holes = shape.holes.len();
+        shape.holes.retain(|hole| hole.len() > 2);
+        shape.n_empty_holes = n_holes - shape.holes.len();
+        let mut given_ids: Vec<u32> = loops.iter().flatten().copied().collect();
+        given_ids.sort_unstable();
+        given_ids.dedup();
+        let mut kept: Vec<u32> = shape
+            .outline
+            .iter()
+            .chain(shape.holes.iter().flatten())
+            .copied()
+            .collect();
+        kept.sort_unstable();
+        kept.dedup();
+        shape.n_collinear = given_ids.len() - kept.len();
+        if shape.outline.len() < 3 {
+            return Err(Refusal::Empty);
+        }
+        Ok(shape)
+    }
+
+    fn report_cleaning(&mut self, s: usize, name: &str, shape: &Shape) {
+        let place = Findings::surface(s);
+        let names = || vec![name.to_owned()];
+        if shape.n_opened > 0 {
+            self.findings.warning(
+                place,
+                "keyhole",
+                names(),
+                format!(
+                    "surface '{name}': the outline runs along a line to {} and back; opened into an outline and holes",
+                    counted(shape.n_opened, "hole", "holes")
+                ),
+            );
+        }
+        let mut dropped = Vec::new();
+        if shape.n_repeated > 0 {
+            dropped.push(format!("{} repeated", shape.n_repeated));
+        }
+        if shape.n_collinear > 0 {
+            dropped.push(format!("{} collinear", shape.n_collinear));
+        }
+        if !dropped.is_empty() {
+            let n = shape.n_repeated + shape.n_collinear;
+            self.findings.warning(
+                place,
+                "repeated-vertices",
+                names(),
+                format!(
+                    "surface '{name}': {} {} dropped",
+                    dropped.join(" and "),
+                    if n == 1 { "vertex" } else { "vertices" }
+                ),
+            );
+            self.findings.with_numbers(n as f64, 0.0);
+        }
+        if shape.n_empty_holes > 0 {
+            self.findings.warning(
+                place,
+                "zero-area",
+                names(),
+                format!(
+                    "surface '{name}': {} without area dropped",
+                    counted(shape.n_empty_holes, "hole", "holes")
+                ),
+            );
+        }
+    }
+
+    fn positions(&self, corners: &[u32]) -> Vec<DVec3> {
+        corners.iter().map(|&v| self.vertices[v as usize]).collect()
+    }
+
+    fn tolerance(&self) -> f64 {
+        self.extent * WELD_TOLERANCE
+    }
+
+    /// What is narrower has no area. Sixteen plane tolerances: a surface with all
+    /// corners in a plane class, to the tolerance, is then tilted by an eighth at
+    /// most.
+    fn smallest_width(&self) -> f64 {
+        64.0 * self.tolerance()
+    }
+
+    fn area(&self, corners: &[u32]) -> f64 {
+        newell_normal(&self.positions(corners)).length() / 2.0
+    }
+
+    /// Unit normal; for an outline whose lobes cancel, of three of its corners.
+    fn normal(&self, positions: &[DVec3], width: f64) -> DVec3 {
+        let newell = newell_normal(positions);
+        let (first, far) = longest(positions);
+        let length = (far - first).length();
+        // A quotient, not a product with the inverse: exactly unit along an axis.
+        if newell.length() > 1e-6 * width * length {
+            return newell / newell.length() + DVec3::ZERO;
+        }
+        let cross = positions
+            .iter()
+            .map(|&p| (far - first).cross(p - first))
+            .max_by(|a, b| a.length().total_cmp(&b.length()))
+            .unwrap_or(DVec3::Z);
+        cross / cross.length()
+    }
+
+    /// The corner nearest to the middle of all heights, and half their range.
+    fn middle(&self, corners: &[u32], normal: DVec3) -> (u32, f64) {
+        let origin = self.vertices[corners[0] as usize];
+        let height = |v: u32| (self.vertices[v as usize] - origin).dot(normal);
+        let (mut low, mut high) = (0.0f64, 0.0f64);
+        for &v in corners {
+            low = low.min(height(v));
+            high = high.max(height(v));
+        }
+        let middle = f64::midpoint(low, high);
+        let off = |v: u32| (height(v) - middle).abs();
+        let mut nearest = corners[0];
+        for &v in corners {
+            if off(v) < off(nearest) {
+                nearest = v;
+            }
+        }
+        (nearest, (high - low) / 2.0)
+    }
+
+    /// Does it turn left at every corner, once around, each corner standing out
+    /// by more than the tolerance?
+    fn is_strictly_convex(&self, corners: &[u32]) -> bool {
+        let positions = self.positions(corners);
+        let width = width(&positions);
+        if width <= self.smallest_width() {
+            return false;
+        }
+        let normal = self.normal(&positions, width);
+        let n = positions.len();
+        let turns_left = |a: DVec3, b: DVec3, c: DVec3| {
+            (b - a).cross(c - a).dot(normal) > 2.0 * self.tolerance() * (c - a).length()
+        };
+        (0..n).all(|i| turns_left(positions[i], positions[(i + 1) % n], positions[(i + 2) % n]))
+            && (1..n - 1).all(|i| turns_left(positions[0], positions[i], positions[i + 1]))
+    }
+
+    /// Inserts into every edge the corners of the surface that lie on it.
+    fn cut_at_touching_corners(&self, loops: &mut [Vec<u32>]) {
+        let mut all: Vec<u32> = loops.iter().flatten().copied().collect();
+        all.sort_unstable();
+        all.dedup();
+        for corners in loops {
+            let mut cut = Vec::with_capacity(corners.len());
+            for (i, &a) in corners.iter().enumerate() {
+                let b = corners[(i + 1) % corners.len()];
+                cut.push(a);
+                let mut on: Vec<(f64, u32)> = all
+                    .iter()
+                    .filter(|&&v| v != a && v != b)
+                    .filter_map(|&v| Some((self.position_along(a, b, v)?, v)))
+                    .collect();
+                on.sort_by(|x, y| x.0.total_cmp(&y.0));
+                cut.extend(on.into_iter().map(|(_, v)| v));
+            }
+            *corners = cut;
+        }
+    }
+
+    /// Where on the open segment `ab` the vertex lies, 0 to 1, if it does.
+    fn position_along(&self, a: u32, b: u32, v: u32) -> Option<f64> {
+        let [a, b, v] = [a, b, v].map(|i| self.vertices[i as usize]);
+        let along = b - a;
+        let t = (v - a).dot(along) / along.length_squared();
+        ((0.0..=1.0).contains(&t) && v.distance(a + t * along) <= self.tolerance()).then_some(t)
+    }
+
+    /// Takes apart a loop at corners it passes twice, where a part runs the
+    /// other way round: a hole that touches the outline in a corner.
+    fn split_pinches(&self, corners: Vec<u32>, normal: DVec3) -> Vec<Vec<u32>> {
+        let mut parts = Vec::new();
+        let mut rest = corners;
+        let mut i = 0;
+        while i < rest.len() {
+            let again = (i + 1..rest.len()).find(|&j| rest[j] == rest[i]);
+            if let Some(j) = again {
+                let part = rest[i..j].to_vec();
+                if newell_normal(&self.positions(&part)).dot(normal) < 0.0 {
+                    rest.drain(i..j);
+                    parts.push(part);
+                    continue;
+                }
+            }
+            i += 1;
+        }
+        parts.push(rest);
+        parts
+    }
+
+    /// The loop without corners on the line through their neighbours.
+    fn drop_collinear(&self, corners: &[u32], keep: &[u32]) -> Vec<u32> {
+        let mut corners = without_repeats(corners);
+        loop {
+            let n = corners.len();
+            let mut kept: Vec<u32> = Vec::with_capacity(n);
+            for i in 0..n {
+                let previous = kept.last().copied().unwrap_or(corners[n - 1]);
+                let next = corners[(i + 1) % n];
+                let is_needed = keep.binary_search(&corners[i]).is_ok()
+                    || self.stands_out(previous, corners[i], next);
+                if is_needed {
+                    kept.push(corners[i]);
+                }
+            }
+            let kept = without_repeats(&kept);
+            if kept.len() == n || kept.len() < 3 {
+                return kept;
+            }
+            corners = kept;
+        }
+    }
+
+    fn stands_out(&self, a: u32, b: u32, c: u32) -> bool {
+        let [a, b, c] = [a, b, c].map(|i| self.vertices[i as usize]);
+        let base = (c - a).length();
+        base > self.tolerance() && (b - a).cross(c - a).length() / base > self.tolerance()
+    }
+
+    fn check_crossings(&self, shape: &Shape, flat: &Flat) -> Result<(), Refusal> {
+        let Some((first, second)) = flat.first_crossing(shape) else {
+            return Ok(());
+        };
+        let near = self.units.point(crossing_point(
+            &flat.segment(first),
+            &flat.segment(second),
+            flat,
+        ));
+        let which = |which: usize| {
+            if which == 0 {
+                "the outline".to_owned()
+            } else {
+                format!("hole {which}")
+            }
+        };
+        let (a, b) = (
+            first.in_loop.min(second.in_loop),
+            first.in_loop.max(second.in_loop),
+        );
+        Err(if a == b {
+            Refusal::Bad(
+                "self-intersecting",
+                format!(
+                    "{} crosses itself near {near} (allowed 0 crossings)",
+                    which(a)
+                ),
+            )
+        } else {
+            Refusal::Bad(
+                "hole",
+                format!(
+                    "hole {b} crosses {} or runs along it near {near} (allowed 0 crossings)",
+                    which(a)
+                ),
+            )
+        })
+    }
+
+    fn triangle(&self, triangle: [u32; 3]) -> Option<Polygon> {
+        let positions = self.positions(&triangle);
+        let width = width(&positions);
+        if width <= self.smallest_width() {
+            return None;
+        }
+        Some(Polygon {
+            outline: triangle.to_vec(),
+            holes: Vec::new(),
+            pieces: vec![triangle.to_vec()],
+            normal: self.normal(&positions, width),
+            point: triangle[0],
+            area: self.area(&triangle),
+            width,
+        })
+    }
+}
+
+fn counted(n: usize, one: &str, many: &str) -> String {
+    format!("{n} {}", if n == 1 { one } else { many })
+}
+
+fn check_counts(loops: &[Vec<u32>]) -> Result<(), Refusal> {
+    for (k, corners) in loops.iter().enumerate() {
+        let n = corners.len();
+        let mut distinct = corners.clone();
+        distinct.sort_unstable();
+        distinct.dedup();
+        let what = if k == 0 {
+            "has".to_owned()
+        } else {
+            format!("hole {k} has")
+        };
+        let needed = "at least 3 are needed";
+        if n < 3 {
+            return Err(Refusal::Bad(
+                "too-few-vertices",
+                format!("{what} {}, {needed}", counted(n, "vertex", "vertices")),
+            ));
+        }
+        if distinct.len() < 3 {
+            return Err(Refusal::Bad(
+                "too-few-vertices",
+                format!("{what} {n} vertices in {} places, {needed}", distinct.len()),
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Puts the holes clockwise and checks that they lie in the outline and apart.
+fn check_holes(shape: &mut Shape, flat: &Flat) -> Result<(), Refusal> {
+    let outline = flat.points(&shape.outline);
+    let holes: Vec<Vec<DVec2>> = shape.holes.iter().map(|hole| flat.points(hole)).collect();
+    for (k, hole) in holes.iter().enumerate() {
+        // No loop crosses another: one point decides.
+        let inside = hole[0].midpoint(hole[1]);
+        if !point_in_polygon(inside, [outline.as_slice()]) {
+            return Err(Refusal::Bad(
+                "hole",
+                format!("hole {} lies outside the outline (allowed inside)", k + 1),
+            ));
+        }
+        let within = (0..holes.len())
+            .find(|&other| other != k && point_in_polygon(inside, [holes[other].as_slice()]));
+        if let Some(other) = within {
+            return Err(Refusal::Bad(
+                "hole",
+                format!(
+                    "hole {} lies inside hole {} (allowed outside)",
+                    k + 1,
+                    other + 1
+                ),
+            ));
+        }
+        if signed_area(hole) > 0.0 {
+            shape.holes[k].reverse();
+        }
+    }
+    Ok(())
+}
+
+/// The loop without corners equal to the one before, around the end too.
+fn without_repeats(corners: &[u32]) -> Vec<u32> {
+    let mut kept = corners.to_vec();
+    kept.dedup();
+    while kept.len() > 1 && kept.first() == kept.last() {
+        kept.pop();
+    }
+    kept
+}
+
+/// Takes a loop apart where it runs along an edge in both directions.
+fn open_keyholes(corners: &[u32]) -> Vec<Vec<u32>> {
+    let mut open = vec![without_repeats(corners)];
+    let mut parts = Vec::new();
+    while let Some(corners) = open.pop() {
+        if corners.len() < 3 {
+            continue;
+        }
+        let Some((i, j)) = doubled_edge(&corners) else {
+            parts.push(corners);
+            continue;
+        };
+        // … a | b … | b a …: the part between, and what remains.
+        let inner = without_repeats(&corners[i + 1..j]);
+        let mut outer = corners[..=i].to_vec();
+        outer.extend(corners.iter().skip(j + 2));
+        open.push(inner);
+        open.push(without_repeats(&outer));
+    }
+    parts
+}
+
+/// The first two edges i < j of a loop between the same corners in opposite
+/// directions.
+fn doubled_edge(corners: &[u32]) -> Option<(usize, usize)> {
+    let n = corners.len();
+    let mut edges: Vec<(u32, u32, usize)> = (0..n)
+        .map(|i| {
+            let (a, b) = (corners[i], corners[(i + 1) % n]);
+            (a.min(b), a.max(b), i)
+        })
+        .collect();
+    edges.sort_unstable();
+    edges
+        .windows(2)
+        .filter(|pair| (pair[0].0, pair[0].1) == (pair[1].0, pair[1].1))
+        .map(|pair| (pair[0].2, pair[1].2))
+        .filter(|&(i, j)| corners[i] != corners[j])
+        .min()
+}
+
+/// The first corner and the corner farthest from it.
+fn longest(positions: &[DVec3]) -> (DVec3, DVec3) {
+    let first = positions[0];
+    let far = positions.iter().copied().max_by(|a, b| {
+        a.distance_squared(first)
+            .total_cmp(&b.distance_squared(first))
+    });
+    (first, far.unwrap_or(first))
+}
+
+/// The largest distance of a corner from the line along the longest extent.
+fn width(positions: &[DVec3]) -> f64 {
+    let (first, far) = longest(positions);
+    let length = (far - first).length();
+    if length == 0.0 {
+        return 0.0;
+    }
+    positions
+        .iter()
+        .map(|&p| (p - first).cross(far - first).length() / length)
+        .fold(0.0, f64::max)
+}
+
+/// An edge of a surface in its chart: its loop, and its corners by local number.
+#[derive(Clone, Copy, Debug)]
+struct Segment {
+    in_loop: usize,
+    ends: [usize; 2],
+}
+
+/// The corners of a surface in its chart.
+struct Flat {
+    chart: Chart,
+    /// Sorted vertex ids; local numbers are positions in it.
+    ids: Vec<u32>,
+    points: Vec<DVec2>,
+}
+
+impl Flat {
+    fn new(chart: &Chart, vertices: &[DVec3], corners: &[u32]) -> Self {
+        let mut ids = corners.to_vec();
+        ids.sort_unstable();
+        ids.dedup();
+        let points = ids
+            .iter()
+            .map(|&v| chart.to_chart(vertices[v as usize]))
+            .collect();
+        Self {
+            chart: *chart,
+            ids,
+            points,
+        }
+    }
+
+    fn local(&self, corners: &[u32]) -> Vec<usize> {
+        corners
+            .iter()
+            .map(|v| self.ids.binary_search(v).unwrap_or(0))
+            .collect()
+    }
+
+    fn points(&self, corners: &[u32]) -> Vec<DVec2> {
+        self.local(corners)
+            .into_iter()
+            .map(|i| self.points[i])
+            .collect()
+    }
+
+    fn loops(&self, shape: &Shape) -> Vec<Vec<usize>> {
+        std::iter::once(&shape.outline)
+            .chain(&shape.holes)
+            .map(|l| self.local(l))
+            .collect()
+    }
+
+    fn segment(&self, segment: Segment) -> [DVec2; 2] {
+        segment.ends.map(|i| self.points[i])
+    }
+
+    /// Two edges that cross or overlap, if there are any.
+    fn first_crossing(&self, shape: &Shape) -> Option<(Segment, Segment)> {
+        let mut segments: Vec<Segment> = Vec::new();
+        for (in_loop, corners) in self.loops(shape).into_iter().enumerate() {
+            for i in 0..corners.len() {
+                let ends = [corners[i], corners[(i + 1) % corners.len()]];
+                segments.push(Segment { in_loop, ends });
+            }
+        }
+        let span = |s: &Segment, axis: usize| {
+            let [a, b] = self.segment(*s).map(|p| p.to_array()[axis]);
+            (a.min(b), a.max(b))
+        };
+        segments.sort_by(|s, t| span(s, 0).0.total_cmp(&span(t, 0).0));
+        for (i, s) in segments.iter().enumerate() {
+            let (end, (low, high)) = (span(s, 0).1, span(s, 1));
+            for t in segments[i + 1..].iter().take_while(|t| span(t, 0).0 <= end) {
+                let (other_low, other_high) = span(t, 1);
+                if other_low > high || other_high < low {
+                    continue;
+                }
+                let ([a, b], [c, d]) = (self.segment(*s), self.segment(*t));
+                if segments_cross(a, b, c, d) {
+                    return Some((*s, *t));
+                }
+            }
+        }
+        None
+    }
+
+    fn pieces(&self, shape: &Shape) -> Result<Vec<Vec<u32>>, Refusal> {
+        if shape.is_convex {
+            return Ok(vec![shape.outline.clone()]);
+        }
+        let pieces = convex_pieces(&self.points, &self.loops(shape)).ok_or_else(crosses)?;
+        let global: Vec<Vec<u32>> = pieces
+            .iter()
+            .map(|p| p.iter().map(|&i| self.ids[i]).collect())
+            .collect();
+        self.check_area(shape, &global)?;
+        Ok(global)
+    }
+
+    fn triangles(&self, shape: &Shape) -> Result<Vec<[u32; 3]>, Refusal> {
+        let mut edges: Vec<[u32; 2]> = Vec::new();
+        for corners in self.loops(shape) {
+            for i in 0..corners.len() {
+                edges.push([corners[i] as u32, corners[(i + 1) % corners.len()] as u32]);
+            }
+        }
+        let triangles = cdt::triangulate(&self.points, &edges)
+            .map_err(|_| crosses())?
+            .triangles;
+        let mut boundary: Vec<(u32, u32)> =
+            edges.iter().map(|&[a, b]| (a.min(b), a.max(b))).collect();
+        boundary.sort_unstable();
+        let inside =
+            cdt::inside_by_parity(&triangles, |a, b| boundary.binary_search(&(a, b)).is_ok());
+        let kept: Vec<[u32; 3]> = triangles
+            .iter()
+            .zip(inside)
+            .filter(|(_, inside)| *inside)
+            .map(|(triangle, _)| triangle.map(|i| self.ids[i as usize]))
+            .collect();
+        self.check_area(shape, &kept)?;
+        Ok(kept)
+    }
+
+    /// The parts make up the whole: a loop that winds differently does not pass.
+    fn check_area<P: AsRef<[u32]>>(&self, shape: &Shape, parts: &[P]) -> Result<(), Refusal> {
+        let area = |corners: &[u32]| signed_area(&self.points(corners));
+        let loops = std::iter::once(&shape.outline).chain(&shape.holes);
+        let whole: f64 = loops.map(|corners| area(corners)).sum();
+        let size = self.points.iter().map(|p| p.length()).fold(0.0, f64::max);
+        let sum: f64 = parts.iter().map(|part| area(part.as_ref())).sum();
+        // A part in 10⁹, or rounding where the polygon is narrow.
+        let allowed = 1e-9 * sum + size * WELD_TOLERANCE;
+        if (whole - sum).abs() <= allowed {
+            Ok(())
+        } else {
+            Err(crosses())
+        }
+    }
+}
+
+fn crosses() -> Refusal {
+    Refusal::Bad(
+        "self-intersecting",
+        "the outline or a hole crosses or touches itself (allowed 0 crossings)".to_owned(),
+    )
+}
+
+/// A point where two edges meet, for the eye.
+fn crossing_point(s: &[DVec2; 2], t: &[DVec2; 2], flat: &Flat) -> DVec3 {
+    let ([a, b], [c, d]) = (*s, *t);
+    let along = b - a;
+    let turn = along.perp_dot(d - c);
+    let at = if turn == 0.0 {
+        0.5
+    } else {
+        ((c - a).perp_dot(d - c) / turn).clamp(0.0, 1.0)
+    };
+    flat.chart.to_space(a + at * along)
+}

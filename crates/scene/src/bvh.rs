@@ -1,0 +1,201 @@
+//! The door to `obvhs`: a tree of boxes that never loses a candidate.
+//!
+//! `obvhs` stores boxes in single precision. Boxes are rounded outwards, inner
+//! nodes are unions (minima and maxima, exact), and the traversal is our own, in
+//! double precision over the public nodes: so every node box contains what is
+//! below it, and no padding is needed.
+
+use glam::{DVec3, Vec3A};
+use obvhs::{BvhBuildParams, bvh2::Bvh2, bvh2::builder::build_bvh2};
+use std::time::Duration;
+
+/// An axis-parallel box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aabb {
+    /// Lower corner.
+    pub min: DVec3,
+    /// Upper corner.
+    pub max: DVec3,
+}
+
+impl Aabb {
+    /// The box that contains nothing.
+    pub const EMPTY: Self = Self {
+        min: DVec3::INFINITY,
+        max: DVec3::NEG_INFINITY,
+    };
+
+    /// The smallest box of some points.
+    pub fn of(points: impl IntoIterator<Item = DVec3>) -> Self {
+        points.into_iter().fold(Self::EMPTY, |b, p| Self {
+            min: b.min.min(p),
+            max: b.max.max(p),
+        })
+    }
+
+    /// The smallest box of both.
+    #[must_use]
+    pub fn union(self, other: Self) -> Self {
+        Self {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+        }
+    }
+
+    /// Do the closed boxes meet?
+    #[must_use]
+    pub fn meets(&self, other: &Self) -> bool {
+        self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
+    }
+
+    /// The largest value of `normal · x` over the box.
+    #[must_use]
+    pub fn max_along(&self, normal: DVec3) -> f64 {
+        let pick = |n: f64, lo: f64, hi: f64| if n >= 0.0 { n * hi } else { n * lo };
+        pick(normal.x, self.min.x, self.max.x)
+            + pick(normal.y, self.min.y, self.max.y)
+            + pick(normal.z, self.min.z, self.max.z)
+    }
+}
+
+/// A node of a [`BoxTree`], in double precision.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    bounds: Aabb,
+    /// First child (the second follows) or first item.
+    first: u32,
+    /// Items of a leaf; 0 for an inner node.
+    n_items: u32,
+}
+
+/// A hierarchy of boxes over numbered items.
+#[derive(Clone, Debug, Default)]
+pub struct BoxTree {
+    nodes: Vec<Node>,
+    items: Vec<u32>,
+}
+
+impl BoxTree {
+    /// The hierarchy of `(item, box)` pairs.
+    #[must_use]
+    pub fn new(boxes: &[(u32, Aabb)]) -> Self {
+        if boxes.is_empty() {
+            return Self::default();
+        }
+        let outward: Vec<obvhs::aabb::Aabb> = boxes
+            .iter()
+            .map(|(_, b)| obvhs::aabb::Aabb {
+                min: Vec3A::from_array(b.min.to_array().map(down)),
+                max: Vec3A::from_array(b.max.to_array().map(up)),
+            })
+            .collect();
+        let params = BvhBuildParams::medium_build();
+        let bvh: Bvh2 = build_bvh2(&outward, params, &mut Duration::default());
+        let nodes = bvh
+            .nodes
+            .iter()
+            .map(|n| Node {
+                bounds: Aabb {
+                    min: DVec3::from_array(n.aabb().min.to_array().map(f64::from)),
+                    max: DVec3::from_array(n.aabb().max.to_array().map(f64::from)),
+                },
+                first: n.first_index,
+                n_items: if n.is_leaf() { n.prim_count } else { 0 },
+            })
+            .collect();
+        let items = bvh
+            .primitive_indices
+            .iter()
+            .map(|&i| boxes[i as usize].0)
+            .collect();
+        Self { nodes, items }
+    }
+
+    /// Calls `found` with every item whose box may meet the query: `is_candidate`
+    /// is asked for node boxes, from the root down, and must answer `true` for
+    /// every box that meets the query.
+    pub fn visit(&self, is_candidate: impl Fn(&Aabb) -> bool, mut found: impl FnMut(u32)) {
+        if self.nodes.is_empty() {
+            return;
+        }
+        let mut stack = [0u32; 128];
+        let mut depth = 1;
+        while depth > 0 {
+            depth -= 1;
+            let node = &self.nodes[stack[depth] as usize];
+            if !is_candidate(&node.bounds) {
+                continue;
+            }
+            if node.n_items > 0 {
+                for i in node.first..node.first + node.n_items {
+                    found(self.items[i as usize]);
+                }
+            } else {
+                stack[depth] = node.first + 1;
+                stack[depth + 1] = node.first;
+                depth += 2;
+            }
+        }
+    }
+
+    /// How many items there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.items.len()
+    }
+
+    /// Is there no item?
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.items.is_empty()
+    }
+}
+
+fn down(x: f64) -> f32 {
+    let f = x as f32;
+    if f64::from(f) > x { f.next_down() } else { f }
+}
+
+fn up(x: f64) -> f32 {
+    let f = x as f32;
+    if f64::from(f) < x { f.next_up() } else { f }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::dvec3;
+
+    #[test]
+    fn every_box_that_meets_the_query_is_found() {
+        let mut state = 1u64;
+        let mut random = || {
+            state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let boxes: Vec<(u32, Aabb)> = (0..500)
+            .map(|i| {
+                let p = dvec3(random(), random(), random());
+                let q = p + dvec3(random(), random(), random()) * 0.05;
+                (i * 3, Aabb { min: p, max: q })
+            })
+            .collect();
+        let tree = BoxTree::new(&boxes);
+        for _ in 0..100 {
+            let p = dvec3(random(), random(), random());
+            let query = Aabb {
+                min: p,
+                max: p + DVec3::splat(0.1 * random()),
+            };
+            let mut found = Vec::new();
+            tree.visit(|b| b.meets(&query), |i| found.push(i));
+            for (i, b) in &boxes {
+                if b.meets(&query) {
+                    assert!(found.contains(i));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! Scenes of polygons, checked at the door.
+//!
+//! [`SceneInput`] is what a reader hands over; [`Scene::build`] checks it,
+//! reports *all* problems, and makes a [`Scene`] in which every later question
+//! is combinatorial: welded vertices, shared edges, plane classes. A `Scene`
+//! that exists is valid.
+
+mod build;
+mod bvh;
+mod input;
+mod problem;
+mod query;
+mod report;
+mod scene;
+
+pub use build::Built;
+pub use bvh::{Aabb, BoxTree};
+pub use input::{LengthUnit, MaterialInput, Quantity, SceneInput, SurfaceInput};
+pub use problem::{Problem, Severity};
+pub use report::GeometryReport;
+pub use scene::{
+    Edge, EdgeId, Face, FaceId, Frame, Material, MaterialId, Piece, Plane, PlaneId, Scene, Side,
+    Surface, SurfaceId, VertexId,
+};

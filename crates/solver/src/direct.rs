@@ -1,0 +1,200 @@
+//! Direct irradiance on the mesh, to a tolerance that is measured.
+//!
+//! Nodes hold exact values. Points that are no nodes are evaluated too, to
+//! measure what interpolation costs; elements above the tolerance are bisected
+//! until the whole scene is below it.
+
+use crate::field::{Field, Light, Receiver, ReceiverMesh};
+use rayon::prelude::*;
+
+/// When to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tolerance {
+    /// Relative to the largest irradiance of the scene, per band.
+    Relative(f64),
+    /// In the scene's units.
+    Absolute(f64),
+}
+
+/// How to mesh direct light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DirectOptions {
+    /// The error allowed anywhere.
+    pub tolerance: Tolerance,
+    /// Degree of the elements, 1 to 4.
+    pub degree: u8,
+    /// No more elements than this.
+    pub most_elements: usize,
+}
+
+/// Why refinement ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// The measured error is within the tolerance.
+    ToleranceReached,
+    /// Elements reached the resolution of the mesh first.
+    ResolutionReached,
+    /// The limit on elements was reached first.
+    TooManyElements,
+    /// Asked to stop: budget, memory or interruption.
+    Stopped,
+}
+
+/// All receivers' meshes, and what was measured.
+#[derive(Debug)]
+pub struct DirectSolution {
+    /// One per receiver, in the order given.
+    pub receivers: Vec<ReceiverMesh>,
+    /// Largest irradiance per band.
+    pub peak: Vec<f64>,
+    /// Largest error at a check point, relative to the peak.
+    pub measured_max_error: f64,
+    /// Root mean square over the area, relative to the peak.
+    pub measured_rms_error: f64,
+    /// Why refinement ended.
+    pub ended: Ended,
+}
+
+/// No element longer than this fraction of its receiver's diagonal: so that no
+/// feature the curves do not tell of hides in one element.
+const COARSEST: f64 = 0.5;
+
+/// Meshes with direct light that may still be refined.
+#[derive(Debug)]
+pub struct DirectMeshes {
+    pub(crate) fields: Vec<Field>,
+    pub(crate) peak: Vec<f64>,
+    tolerance: Tolerance,
+    ended: Ended,
+}
+
+impl DirectMeshes {
+    /// Values on all receivers to the tolerance.
+    ///
+    /// `should_stop` is asked once a round; `progress` is told the number of
+    /// elements and the share of them that is within the tolerance.
+    pub fn solve(
+        receivers: Vec<Receiver>,
+        light: &dyn Light,
+        options: &DirectOptions,
+        should_stop: &(dyn Fn() -> bool + Sync),
+        progress: &(dyn Fn(usize, f64) + Sync),
+    ) -> Self {
+        let mut fields: Vec<Field> =
+            receivers.into_iter().map(|r| Field::new(r, light, options.degree)).collect();
+        fields.par_iter_mut().for_each(|field| {
+            if !field.is_dark {
+                field.coarsest(COARSEST);
+            }
+        });
+        let mut meshes = Self {
+            peak: vec![0.0; light.n_bands()],
+            fields,
+            tolerance: options.tolerance,
+            ended: Ended::ToleranceReached,
+        };
+        loop {
+            meshes.evaluate(light);
+            let allowed = meshes.allowed();
+            let n_elements = meshes.n_elements();
+            let levels: Vec<Vec<u8>> =
+                meshes.fields.par_iter().map(|f| f.levels(&allowed)).collect();
+            let n_marked = levels.iter().flatten().filter(|&&l| l > 0).count();
+            progress(n_elements, 1.0 - n_marked as f64 / n_elements.max(1) as f64);
+            meshes.ended = if n_marked == 0 {
+                Ended::ToleranceReached
+            } else if n_elements + n_marked > options.most_elements {
+                Ended::TooManyElements
+            } else if should_stop() {
+                Ended::Stopped
+            } else {
+                meshes.refine(levels);
+                continue;
+            };
+            return meshes;
+        }
+    }
+
+    /// Evaluates what is new and brings the peak up to date.
+    pub(crate) fn evaluate(&mut self, light: &dyn Light) {
+        self.fields.par_iter_mut().for_each(|field| field.evaluate(light));
+        for field in &self.fields {
+            for (band, value) in self.peak.iter_mut().zip(&field.peak) {
+                *band = f64::max(*band, *value);
+            }
+        }
+    }
+
+    pub(crate) fn refine(&mut self, levels: Vec<Vec<u8>>) {
+        self.fields
+            .par_iter_mut()
+            .zip(levels)
+            .for_each(|(field, levels)| field.refine(levels));
+    }
+
+    /// The error allowed in each band, in the scene's units.
+    pub(crate) fn allowed(&self) -> Vec<f64> {
+        self.peak
+            .iter()
+            .map(|&p| match self.tolerance {
+                Tolerance::Relative(t) => t * p,
+                Tolerance::Absolute(t) => t,
+            })
+            .collect()
+    }
+
+    /// Elements of all receivers.
+    #[must_use]
+    pub fn n_elements(&self) -> usize {
+        self.fields.iter().map(|f| f.mesh.triangles.len()).sum()
+    }
+
+    /// Packs the meshes and sums up what was measured.
+    ///
+    /// * `totals` — irradiance with interreflection on the nodes of every
+    ///   receiver, if there is any.
+    pub(crate) fn finish_with(self, totals: Option<Vec<Vec<f64>>>) -> DirectSolution {
+        let allowed = self.allowed();
+        let peak = self.peak;
+        let totals: Vec<Option<Vec<f64>>> = match totals {
+            Some(totals) => totals.into_iter().map(Some).collect(),
+            None => vec![None; self.fields.len()],
+        };
+        let receivers: Vec<ReceiverMesh> = self
+            .fields
+            .into_par_iter()
+            .zip(totals)
+            .map(|(f, total)| f.finish(&allowed, &peak, total.as_deref()))
+            .collect();
+        let (mut max, mut square, mut area) = (0.0f64, 0.0, 0.0);
+        let mut is_above = false;
+        for receiver in &receivers {
+            for (t, &error) in receiver.element_errors.iter().enumerate() {
+                if receiver.unresolved.binary_search(&(t as u32)).is_err() {
+                    max = max.max(error);
+                }
+                let a = receiver.mesh.area(t as u32);
+                square += error * error * a;
+                area += a;
+            }
+            is_above |= receiver.n_above > receiver.unresolved.len();
+        }
+        let ended = match self.ended {
+            Ended::ToleranceReached if is_above => Ended::ResolutionReached,
+            ended => ended,
+        };
+        DirectSolution {
+            receivers,
+            peak,
+            measured_max_error: max,
+            measured_rms_error: if area > 0.0 { (square / area).sqrt() } else { 0.0 },
+            ended,
+        }
+    }
+
+    /// Packs the meshes and sums up what was measured.
+    #[must_use]
+    pub fn finish(self) -> DirectSolution {
+        self.finish_with(None)
+    }
+}

@@ -1,0 +1,598 @@
+//! A receiver's mesh with exact values at its nodes, while it grows and when it is done.
+
+use crate::basis::{MOST_NODES, lattice, n_nodes, values};
+use antumbra_geom::Chart;
+use antumbra_mesh::{Locator, Order, TriMesh};
+use antumbra_scene::FaceId;
+use glam::{DVec2, DVec3};
+use std::collections::HashMap;
+
+/// A point of a receiver whose exact irradiance is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Scene units.
+    pub point: DVec3,
+    /// Unit direction in the receiver's plane from which the limit is taken, for
+    /// nodes on the border and on contacts.
+    pub toward: Option<DVec3>,
+}
+
+/// Whoever knows the exact irradiance: the engine, or a test's oracle.
+pub trait Light: Sync {
+    /// Bands of every value.
+    fn n_bands(&self) -> usize;
+
+    /// Irradiance at the samples, one after the other, `n_bands` values each.
+    ///
+    /// * `radius` — features within this distance of a sample with `toward` touch it.
+    fn irradiance(&self, receiver: FaceId, samples: &[Sample], radius: f64) -> Vec<f64>;
+
+    /// Can any light fall on this receiver at all?
+    fn reaches(&self, receiver: FaceId) -> bool;
+}
+
+/// A receiver with its triangulated arrangement, before any value is known.
+#[derive(Debug)]
+pub struct Receiver {
+    /// Whose front it is.
+    pub face: FaceId,
+    /// Its frame.
+    pub chart: Chart,
+    /// Constrained Delaunay mesh of its curves.
+    pub mesh: TriMesh,
+    /// The order of every curve of the mesh, by curve id.
+    pub orders: Vec<Order>,
+    /// Distance within which features touch a node on the border or a contact.
+    pub contact_radius: f64,
+}
+
+/// A receiver's mesh with its values.
+#[derive(Debug)]
+pub struct ReceiverMesh {
+    /// Whose front it is.
+    pub face: FaceId,
+    /// Its frame.
+    pub chart: Chart,
+    /// Triangles.
+    pub mesh: TriMesh,
+    /// The order of every curve of the mesh, by curve id.
+    pub orders: Vec<Order>,
+    /// Degree of all elements.
+    pub degree: u8,
+    /// Where values are stored; one position may occur several times, once per
+    /// side of a contact.
+    pub nodes: Vec<DVec2>,
+    /// Direct irradiance, `n_bands` values per node.
+    pub direct: Vec<f64>,
+    /// Irradiance with interreflection, `n_bands` values per node; empty if only
+    /// direct light was asked for.
+    pub irradiance: Vec<f64>,
+    /// Nodes of every element, [`n_nodes`] each, in the order of [`lattice`].
+    pub element_nodes: Vec<u32>,
+    /// Measured error of every element, relative to the peak of the worst band.
+    pub element_errors: Vec<f64>,
+    /// Exact evaluations spent: nodes and check points.
+    pub exact_evaluations: u64,
+    /// Elements at the resolution limit whose error is above the tolerance: at
+    /// the ends of contacts, where irradiance has no single value.
+    pub unresolved: Vec<u32>,
+    /// Elements whose error is above the tolerance, the unresolved ones among them.
+    pub n_above: usize,
+    n_bands: usize,
+    locator: Locator,
+}
+
+impl ReceiverMesh {
+    /// Number of elements.
+    #[must_use]
+    pub fn n_elements(&self) -> usize {
+        self.mesh.triangles.len()
+    }
+
+    /// The nodes of an element.
+    #[must_use]
+    pub fn nodes_of(&self, element: usize) -> &[u32] {
+        let n = n_nodes(self.degree);
+        &self.element_nodes[element * n..(element + 1) * n]
+    }
+
+    /// The element at a chart point, and the barycentric coordinates there.
+    #[must_use]
+    pub fn locate(&self, point: DVec2) -> Option<(usize, [f64; 3])> {
+        self.locator.locate(&self.mesh, point).map(|(t, at)| (t as usize, at))
+    }
+
+    /// Interpolated direct irradiance per band.
+    #[must_use]
+    pub fn direct_at(&self, element: usize, at: [f64; 3]) -> Vec<f64> {
+        self.interpolate(&self.direct, self.n_bands, element, at)
+    }
+
+    /// Interpolates any field on the nodes, `width` values per node.
+    #[must_use]
+    pub fn interpolate(
+        &self,
+        field: &[f64],
+        width: usize,
+        element: usize,
+        at: [f64; 3],
+    ) -> Vec<f64> {
+        let phi = values(self.degree, at);
+        let mut result = vec![0.0; width];
+        for (&node, phi) in self.nodes_of(element).iter().zip(phi) {
+            let at = node as usize * width;
+            for (r, v) in result.iter_mut().zip(&field[at..at + width]) {
+                *r += phi * v;
+            }
+        }
+        result
+    }
+}
+
+/// Where the error of an element is measured, in barycentric coordinates: off
+/// every symmetry line, so that no odd or even error hides.
+pub(crate) const CHECK_POINTS: [[f64; 3]; 3] =
+    [[0.60, 0.27, 0.13], [0.13, 0.60, 0.27], [0.27, 0.13, 0.60]];
+
+/// Elements whose measured error is above this fraction of the tolerance are
+/// refined: three check points see the largest error of a smooth function within
+/// a factor of two (measured: `docs/accuracy.md`).
+pub(crate) const SAFETY: f64 = 0.5;
+
+/// Elements shorter than this fraction of their receiver are not refined.
+///
+/// 2⁻¹³: at the end of a contact irradiance depends on the direction of approach,
+/// so no element size is small enough; the elements left there cover about 1e-7
+/// of the receiver.
+pub(crate) const RESOLUTION: f64 = 1.0 / 8192.0;
+
+/// What makes a node: its position, and the side it is approached from.
+type NodeKey = [u64; 4];
+
+/// A receiver's mesh while it grows.
+#[derive(Debug)]
+pub(crate) struct Field {
+    pub(crate) face: FaceId,
+    pub(crate) chart: Chart,
+    pub(crate) mesh: TriMesh,
+    pub(crate) orders: Vec<Order>,
+    contact_radius: f64,
+    pub(crate) degree: u8,
+    pub(crate) n_bands: usize,
+    pub(crate) is_dark: bool,
+    pub(crate) nodes: Vec<DVec2>,
+    /// From where each node's value is the limit, if it is one-sided.
+    pub(crate) toward: Vec<Option<DVec3>>,
+    /// Direct irradiance, `n_bands` values per node.
+    pub(crate) direct: Vec<f64>,
+    ids: HashMap<NodeKey, u32>,
+    /// Nodes and errors (per band) of evaluated elements; `u32::MAX` in the first
+    /// node marks an element not evaluated yet.
+    pub(crate) element_nodes: Vec<[u32; MOST_NODES]>,
+    pub(crate) errors: Vec<f64>,
+    /// Does the element touch a place where irradiance has no single value?
+    pub(crate) is_singular: Vec<bool>,
+    pub(crate) peak: Vec<f64>,
+    pub(crate) n_evaluations: u64,
+    pub(crate) size: f64,
+}
+
+/// What a mesh edge means for the nodes on it.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+struct EdgeRole {
+    is_border: bool,
+    is_contact: bool,
+}
+
+impl Field {
+    pub(crate) fn new(receiver: Receiver, light: &dyn Light, degree: u8) -> Self {
+        let n_triangles = receiver.mesh.triangles.len();
+        let (min, max) = receiver.mesh.vertices.iter().fold(
+            (DVec2::INFINITY, DVec2::NEG_INFINITY),
+            |(min, max), &v| (min.min(v), max.max(v)),
+        );
+        let n_bands = light.n_bands();
+        Self {
+            is_dark: !light.reaches(receiver.face),
+            face: receiver.face,
+            chart: receiver.chart,
+            mesh: receiver.mesh,
+            orders: receiver.orders,
+            contact_radius: receiver.contact_radius,
+            degree,
+            n_bands,
+            nodes: Vec::new(),
+            toward: Vec::new(),
+            direct: Vec::new(),
+            ids: HashMap::new(),
+            element_nodes: vec![[u32::MAX; MOST_NODES]; n_triangles],
+            errors: vec![0.0; n_triangles * n_bands],
+            is_singular: vec![false; n_triangles],
+            peak: vec![0.0; n_bands],
+            n_evaluations: 0,
+            size: if n_triangles > 0 { (max - min).length() } else { 0.0 },
+        }
+    }
+
+    pub(crate) fn longest_edge(&self, t: usize) -> f64 {
+        let [a, b, c] = self.mesh.triangles[t].map(|v| self.mesh.vertices[v as usize]);
+        (b - a).length().max((c - b).length()).max((a - c).length())
+    }
+
+    /// Bisects until no element is longer than this fraction of the receiver.
+    pub(crate) fn coarsest(&mut self, fraction: f64) {
+        for _ in 0..64 {
+            let marked: Vec<u32> = (0..self.mesh.triangles.len())
+                .filter(|&t| self.longest_edge(t) > fraction * self.size)
+                .map(|t| t as u32)
+                .collect();
+            if marked.is_empty() {
+                break;
+            }
+            self.bisect(&marked);
+        }
+    }
+
+    fn role(&self, a: u32, b: u32) -> EdgeRole {
+        let mut role = EdgeRole::default();
+        if let Some(set) = self.mesh.edge_curves(a, b) {
+            for &id in self.mesh.sets().get(set) {
+                match self.orders[id as usize] {
+                    Order::Boundary => role.is_border = true,
+                    Order::D0 => role.is_contact = true,
+                    Order::D1 | Order::D2 => {}
+                }
+            }
+        }
+        role
+    }
+
+    /// Evaluates nodes and check points of all elements that are new.
+    pub(crate) fn evaluate(&mut self, light: &dyn Light) {
+        let new: Vec<usize> = (0..self.mesh.triangles.len())
+            .filter(|&t| self.element_nodes[t][0] == u32::MAX)
+            .collect();
+        if new.is_empty() {
+            return;
+        }
+        let special = self.special_vertices();
+        let mut samples: Vec<Sample> = Vec::new();
+        let first_new_node = self.nodes.len();
+        for &t in &new {
+            let ids = self.nodes_for(t, &special, &mut samples);
+            self.element_nodes[t] = ids;
+            self.is_singular[t] = self.mesh.triangles[t]
+                .iter()
+                .any(|v| special.get(v).is_some_and(|s| s.is_singular));
+        }
+        let n_new_nodes = samples.len();
+        debug_assert_eq!(first_new_node + n_new_nodes, self.nodes.len());
+        for &t in &new {
+            for at in CHECK_POINTS {
+                let uv = self.point(t, at);
+                samples.push(Sample { point: self.chart.to_space(uv), toward: None });
+            }
+        }
+        let found = if self.is_dark {
+            vec![0.0; samples.len() * self.n_bands]
+        } else {
+            self.n_evaluations += samples.len() as u64;
+            light.irradiance(self.face, &samples, self.contact_radius)
+        };
+        self.direct.extend_from_slice(&found[..n_new_nodes * self.n_bands]);
+        for sample in found.chunks_exact(self.n_bands.max(1)) {
+            for (peak, &value) in self.peak.iter_mut().zip(sample) {
+                *peak = peak.max(value);
+            }
+        }
+        let checks = &found[n_new_nodes * self.n_bands..];
+        let n = n_nodes(self.degree);
+        let phi = CHECK_POINTS.map(|at| values(self.degree, at));
+        for (k, &t) in new.iter().enumerate() {
+            for band in 0..self.n_bands {
+                let mut worst = 0.0f64;
+                for (c, phi) in phi.iter().enumerate() {
+                    let exact = checks[(k * CHECK_POINTS.len() + c) * self.n_bands + band];
+                    let mesh: f64 = (0..n)
+                        .map(|i| {
+                            phi[i]
+                                * self.direct
+                                    [self.element_nodes[t][i] as usize * self.n_bands + band]
+                        })
+                        .sum();
+                    worst = worst.max((mesh - exact).abs());
+                }
+                self.errors[t * self.n_bands + band] = worst;
+            }
+        }
+    }
+
+    /// A field on the nodes (`n_bands` values each) at barycentric coordinates of
+    /// an element.
+    pub(crate) fn value(&self, field: &[f64], t: usize, at: [f64; 3], band: usize) -> f64 {
+        let phi = values(self.degree, at);
+        (0..n_nodes(self.degree))
+            .map(|i| phi[i] * field[self.element_nodes[t][i] as usize * self.n_bands + band])
+            .sum()
+    }
+
+    /// Vertices with one-sided values.
+    fn special_vertices(&self) -> HashMap<u32, SpecialVertex> {
+        let mut ends: Vec<(u32, u32, EdgeRole)> = Vec::new();
+        for triangle in &self.mesh.triangles {
+            for k in 0..3 {
+                let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
+                let role = self.role(a, b);
+                if role != EdgeRole::default() {
+                    ends.push((a, b, role));
+                    ends.push((b, a, role));
+                }
+            }
+        }
+        ends.sort_unstable_by_key(|e| (e.0, e.1));
+        ends.dedup_by_key(|e| (e.0, e.1));
+        let mut special = HashMap::new();
+        for group in ends.chunk_by(|x, y| x.0 == y.0) {
+            let v = group[0].0;
+            let at = self.mesh.vertices[v as usize];
+            let has_contact = group.iter().any(|e| e.2.is_contact);
+            let line = match group {
+                [(_, a, _), (_, b, _)] => {
+                    let (p, q) = (
+                        self.mesh.vertices[*a as usize] - at,
+                        self.mesh.vertices[*b as usize] - at,
+                    );
+                    let straight = p.perp_dot(q).abs() <= 1e-6 * p.length() * q.length()
+                        && p.dot(q) < 0.0;
+                    straight.then_some(q - p)
+                }
+                _ => None,
+            };
+            special.insert(
+                v,
+                SpecialVertex { has_contact, line, is_singular: has_contact && line.is_none() },
+            );
+        }
+        special
+    }
+
+    /// The nodes of an element: known ones, and new ones with their samples.
+    fn nodes_for(
+        &mut self,
+        t: usize,
+        special: &HashMap<u32, SpecialVertex>,
+        samples: &mut Vec<Sample>,
+    ) -> [u32; MOST_NODES] {
+        let triangle = self.mesh.triangles[t];
+        let corners = triangle.map(|v| self.mesh.vertices[v as usize]);
+        let centroid = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let p = f64::from(self.degree);
+        let mut ids = [u32::MAX; MOST_NODES];
+        for (i, node) in lattice(self.degree).iter().enumerate() {
+            let on: Vec<usize> = (0..3).filter(|&k| node[k] > 0).collect();
+            let (uv, side) = match on.as_slice() {
+                [k] => {
+                    let v = triangle[*k];
+                    let side = special.get(&v).map_or(NodeSide::Both, |s| s.side(corners[*k], centroid));
+                    (corners[*k], side)
+                }
+                [j, k] => {
+                    // From the vertex with the smaller id, so that both elements
+                    // at this edge find the same bits.
+                    let (j, k) = if triangle[*j] < triangle[*k] { (*j, *k) } else { (*k, *j) };
+                    let uv = corners[j] + (corners[k] - corners[j]) * (f64::from(node[k]) / p);
+                    let role = self.role(triangle[j], triangle[k]);
+                    let side = if role == EdgeRole::default() {
+                        NodeSide::Both
+                    } else {
+                        NodeSide::of(corners[k] - corners[j], uv, centroid)
+                    };
+                    (uv, side)
+                }
+                _ => {
+                    let uv = (corners[0] * f64::from(node[0])
+                        + corners[1] * f64::from(node[1])
+                        + corners[2] * f64::from(node[2]))
+                        / p;
+                    (uv, NodeSide::Both)
+                }
+            };
+            let toward = (centroid - uv).normalize_or_zero();
+            let tag = match side {
+                NodeSide::Both => [0, 0],
+                NodeSide::Border => [1, 0],
+                NodeSide::Left => [2, 0],
+                NodeSide::Right => [3, 0],
+                NodeSide::Corner => [toward.x.to_bits(), toward.y.to_bits()],
+            };
+            let key = [uv.x.to_bits(), uv.y.to_bits(), tag[0], tag[1]];
+            ids[i] = *self.ids.entry(key).or_insert_with(|| {
+                let toward = (side != NodeSide::Both)
+                    .then(|| self.chart.direction(toward).normalize_or_zero());
+                samples.push(Sample { point: self.chart.to_space(uv), toward });
+                self.nodes.push(uv);
+                self.toward.push(toward);
+                (self.nodes.len() - 1) as u32
+            });
+        }
+        ids
+    }
+
+    /// How often each element is to be bisected for its direct light.
+    pub(crate) fn levels(&self, allowed: &[f64]) -> Vec<u8> {
+        self.levels_for(&self.errors, allowed)
+    }
+
+    /// How often each element is to be bisected, from errors per element and band.
+    pub(crate) fn levels_for(&self, errors: &[f64], allowed: &[f64]) -> Vec<u8> {
+        let order = f64::from(self.degree) + 1.0;
+        (0..self.mesh.triangles.len())
+            .map(|t| {
+                let mut excess = 0.0f64;
+                for (band, &a) in allowed.iter().enumerate() {
+                    if a > 0.0 {
+                        excess = excess.max(errors[t * self.n_bands + band] / (SAFETY * a));
+                    }
+                }
+                if excess <= 1.0 || self.longest_edge(t) <= RESOLUTION * self.size {
+                    return 0;
+                }
+                // Two bisections halve the length and divide the error of a smooth
+                // function by 2^order.
+                let wanted = (2.0 * excess.log2() / order).ceil();
+                wanted.clamp(1.0, 4.0) as u8
+            })
+            .collect()
+    }
+
+    pub(crate) fn refine(&mut self, mut levels: Vec<u8>) {
+        while levels.iter().any(|&l| l > 0) {
+            let marked: Vec<u32> =
+                (0..levels.len()).filter(|&t| levels[t] > 0).map(|t| t as u32).collect();
+            let before = self.mesh.triangles.clone();
+            let parents = self.bisect(&marked);
+            levels = parents
+                .iter()
+                .enumerate()
+                .map(|(t, &parent)| {
+                    let is_same = before.get(t) == Some(&self.mesh.triangles[t]);
+                    let level = levels[parent as usize];
+                    if is_same { level } else { level.saturating_sub(1) }
+                })
+                .collect();
+        }
+    }
+
+    /// Bisects and forgets what was known of the elements that changed.
+    pub(crate) fn bisect(&mut self, marked: &[u32]) -> Vec<u32> {
+        let before = self.mesh.triangles.clone();
+        let parents = self.mesh.bisect(marked);
+        let n = self.mesh.triangles.len();
+        self.element_nodes.resize(n, [u32::MAX; MOST_NODES]);
+        self.errors.resize(n * self.n_bands, 0.0);
+        self.is_singular.resize(n, false);
+        for (t, old) in before.iter().enumerate() {
+            if *old != self.mesh.triangles[t] {
+                self.element_nodes[t] = [u32::MAX; MOST_NODES];
+            }
+        }
+        parents
+    }
+
+    /// Features within this distance touch a one-sided node; scene units.
+    pub(crate) fn contact_radius(&self) -> f64 {
+        self.contact_radius
+    }
+
+    /// Chart coordinates of a point of an element.
+    pub(crate) fn point(&self, t: usize, [l, m, n]: [f64; 3]) -> DVec2 {
+        let [a, b, c] = self.mesh.triangles[t].map(|v| self.mesh.vertices[v as usize]);
+        a * l + b * m + c * n
+    }
+
+    /// Drops unused nodes and packs the result.
+    ///
+    /// * `allowed`, `peak` — per band.
+    /// * `total` — irradiance with interreflection on the nodes, if there is any.
+    pub(crate) fn finish(self, allowed: &[f64], peak: &[f64], total: Option<&[f64]>) -> ReceiverMesh {
+        let n = n_nodes(self.degree);
+        let mut new_id = vec![u32::MAX; self.nodes.len()];
+        let (mut nodes, mut direct, mut irradiance) = (Vec::new(), Vec::new(), Vec::new());
+        let mut element_nodes = Vec::with_capacity(self.element_nodes.len() * n);
+        for ids in &self.element_nodes {
+            for &id in &ids[..n] {
+                let id = id as usize;
+                if new_id[id] == u32::MAX {
+                    new_id[id] = nodes.len() as u32;
+                    nodes.push(self.nodes[id]);
+                    let values = id * self.n_bands..(id + 1) * self.n_bands;
+                    direct.extend_from_slice(&self.direct[values.clone()]);
+                    if let Some(total) = total {
+                        irradiance.extend_from_slice(&total[values]);
+                    }
+                }
+                element_nodes.push(new_id[id]);
+            }
+        }
+        let mut element_errors = Vec::with_capacity(self.mesh.triangles.len());
+        let (mut unresolved, mut n_above) = (Vec::new(), 0);
+        for t in 0..self.mesh.triangles.len() {
+            let (mut error, mut is_above) = (0.0f64, false);
+            for band in 0..self.n_bands {
+                let e = self.errors[t * self.n_bands + band];
+                if peak[band] > 0.0 {
+                    error = error.max(e / peak[band]);
+                }
+                is_above |= e > allowed[band];
+            }
+            element_errors.push(error);
+            n_above += usize::from(is_above);
+            if is_above
+                && self.is_singular[t]
+                && self.longest_edge(t) <= RESOLUTION * self.size
+            {
+                unresolved.push(t as u32);
+            }
+        }
+        ReceiverMesh {
+            face: self.face,
+            chart: self.chart,
+            locator: Locator::new(&self.mesh),
+            mesh: self.mesh,
+            orders: self.orders,
+            degree: self.degree,
+            nodes,
+            direct,
+            irradiance,
+            element_nodes,
+            element_errors,
+            exact_evaluations: self.n_evaluations,
+            unresolved,
+            n_above,
+            n_bands: self.n_bands,
+        }
+    }
+}
+
+/// A vertex on the border or on a contact.
+#[derive(Clone, Copy)]
+struct SpecialVertex {
+    has_contact: bool,
+    /// The direction of the border or contact, if it runs straight through.
+    line: Option<DVec2>,
+    /// The limit depends on the direction of approach.
+    is_singular: bool,
+}
+
+impl SpecialVertex {
+    fn side(&self, at: DVec2, centroid: DVec2) -> NodeSide {
+        match self.line {
+            Some(line) => NodeSide::of(line, at, centroid),
+            None if self.has_contact => NodeSide::Corner,
+            None => NodeSide::Border,
+        }
+    }
+}
+
+/// From where a node's value is the limit.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum NodeSide {
+    /// Irradiance is continuous there.
+    Both,
+    /// Inside a corner of the border without contact.
+    Border,
+    /// Left of a contact or border, in the direction of growing u (then v).
+    Left,
+    /// Right of it.
+    Right,
+    /// Its own element only.
+    Corner,
+}
+
+impl NodeSide {
+    fn of(line: DVec2, at: DVec2, centroid: DVec2) -> Self {
+        // The same side for both directions of the line.
+        let line = if line.x < 0.0 || (line.x == 0.0 && line.y < 0.0) { -line } else { line };
+        if line.perp_dot(centroid - at) > 0.0 { Self::Left } else { Self::Right }
+    }
+}

@@ -1,0 +1,12 @@
+//! Elements, direct irradiance to a tolerance, radiosity.
+
+pub mod basis;
+mod direct;
+mod field;
+mod radiosity;
+
+pub use direct::{DirectMeshes, DirectOptions, DirectSolution, Ended, Tolerance};
+pub use field::{Light, Receiver, ReceiverMesh, Sample};
+pub use radiosity::{
+    Power, RadiosityOptions, RadiositySolution, RowSums, solve_radiosity,
+};

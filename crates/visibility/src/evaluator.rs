@@ -1,0 +1,732 @@
+//! The visible part of an emitter from a point, and its irradiance there.
+//!
+//! # Source
+//!
+//! Cone subtraction with recursive splitting: every decision is one half-space
+//! split of a piece with positive measure whose two halves share the cut, so a
+//! wrong sign moves a sliver of rounding size and never a region. Compared with
+//! booleans and with edge integration in `docs/numerics.md`.
+
+use crate::cone::{Approach, cone, distance_to_segment_sq};
+use crate::fragments::{Fragment, Fragments, HalfSpace, Position};
+use crate::lambert::contour_sum;
+use antumbra_scene::{Aabb, FaceId, PlaneId, Scene};
+use glam::DVec3;
+
+/// A convex occluder with its corners in flat storage.
+#[derive(Clone, Copy, Debug)]
+struct Occluder {
+    start: u32,
+    len: u32,
+    normal: DVec3,
+    plane: PlaneId,
+}
+
+/// A convex part of an emitter.
+#[derive(Clone, Debug)]
+struct EmitterPiece {
+    corners: Vec<DVec3>,
+}
+
+/// A face that emits.
+#[derive(Clone, Debug)]
+struct Emitter {
+    face: FaceId,
+    plane: PlaneId,
+    normal: DVec3,
+    pieces: Vec<EmitterPiece>,
+    bounds: Aabb,
+}
+
+/// A convex plane polygon whose visible part is asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct Source<'a> {
+    /// Corners, counter-clockwise seen from the front; scene units.
+    pub corners: &'a [DVec3],
+    /// Unit normal of its front.
+    pub normal: DVec3,
+    /// Its plane class: nothing in its own plane hides it.
+    pub plane: PlaneId,
+}
+
+/// Which occluders an evaluation has to look at.
+#[derive(Clone, Debug)]
+enum Candidates {
+    /// Few: this list, by the shaft between receiver and emitter.
+    List(Vec<u32>),
+    /// Many: asked of the box tree for every point.
+    Tree,
+}
+
+/// A receiver prepared for many evaluations: which emitters it can see at all,
+/// and which occluders may stand between.
+#[derive(Clone, Debug)]
+pub struct View {
+    normal: DVec3,
+    plane: Option<PlaneId>,
+    /// Per emitter of the evaluator.
+    candidates: Vec<Option<Candidates>>,
+}
+
+impl View {
+    /// The unit normal of the receiver.
+    #[must_use]
+    pub fn normal(&self) -> DVec3 {
+        self.normal
+    }
+
+    /// Can any emitter light this receiver at all?
+    #[must_use]
+    pub fn sees_any_emitter(&self) -> bool {
+        self.candidates.iter().any(Option::is_some)
+    }
+
+    /// The emitters this receiver may see, as positions in [`Evaluator::emitters`].
+    pub fn visible_emitters(&self) -> impl Iterator<Item = usize> + '_ {
+        self.candidates.iter().enumerate().filter(|(_, c)| c.is_some()).map(|(i, _)| i)
+    }
+}
+
+/// Working memory of one thread.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    fragments: Fragments,
+    halves: Vec<HalfSpace>,
+    cones: Vec<Cone>,
+    cone_corners: Vec<DVec3>,
+    visible: Vec<Fragment>,
+    found: Vec<u32>,
+    /// Occluders whose cones were cut against, for profiling: a count, not a time.
+    pub n_cones: u64,
+}
+
+/// The cone of one candidate in [`Scratch`].
+#[derive(Clone, Copy, Debug)]
+struct Cone {
+    halves: u32,
+    n_halves: u32,
+    corners: u32,
+    n_corners: u32,
+}
+
+/// Lists longer than this are replaced by a query of the box tree at every point.
+///
+/// 24 plane tests of a list cost about what the walk down a tree of a thousand
+/// boxes costs (see the benchmark `exact_evaluation`).
+const LONGEST_LIST: usize = 24;
+
+/// More candidates than this in one fragment, and the fragment is cut in two.
+const FLAT_CANDIDATES: usize = 6;
+
+/// Splitting ends here: a hundred occluders around one common corner cannot be
+/// told apart by splitting.
+const DEEPEST_SPLIT: u32 = 40;
+
+/// Exact irradiance in a scene.
+#[derive(Debug)]
+pub struct Evaluator<'s> {
+    scene: &'s Scene,
+    occluders: Vec<Occluder>,
+    corners: Vec<DVec3>,
+    emitters: Vec<Emitter>,
+}
+
+impl<'s> Evaluator<'s> {
+    /// Prepares the occluders and emitters of a scene.
+    #[must_use]
+    pub fn new(scene: &'s Scene) -> Self {
+        let mut corners = Vec::new();
+        let occluders = scene
+            .pieces
+            .iter()
+            .map(|piece| {
+                let face = scene.face(piece.face);
+                let start = corners.len() as u32;
+                corners.extend(scene.positions(&piece.vertices));
+                Occluder {
+                    start,
+                    len: piece.vertices.len() as u32,
+                    normal: face.normal,
+                    plane: face.plane,
+                }
+            })
+            .collect();
+        let emitters = scene
+            .emitters()
+            .map(|id| {
+                let face = scene.face(id);
+                let pieces = scene.pieces[face.pieces.start as usize..face.pieces.end as usize]
+                    .iter()
+                    .map(|p| EmitterPiece { corners: scene.positions(&p.vertices) })
+                    .collect();
+                let bounds = Aabb::of(scene.positions(&face.outline));
+                Emitter { face: id, plane: face.plane, normal: face.normal, pieces, bounds }
+            })
+            .collect();
+        Self { scene, occluders, corners, emitters }
+    }
+
+    /// The scene.
+    #[must_use]
+    pub fn scene(&self) -> &'s Scene {
+        self.scene
+    }
+
+    /// The emitting faces, ascending: the order of all factors.
+    pub fn emitters(&self) -> impl ExactSizeIterator<Item = FaceId> + '_ {
+        self.emitters.iter().map(|e| e.face)
+    }
+
+    /// Prepares evaluations on a face.
+    #[must_use]
+    pub fn view(&self, receiver: FaceId) -> View {
+        let face = self.scene.face(receiver);
+        let outline = self.scene.positions(&face.outline);
+        let candidates = self
+            .emitters
+            .iter()
+            .map(|emitter| {
+                if emitter.plane == face.plane {
+                    return None;
+                }
+                let lamp = self.scene.positions(&self.scene.face(emitter.face).outline);
+                self.shaft((&outline, face.normal, face.plane), (&lamp, emitter.normal, emitter.plane))
+            })
+            .collect();
+        View { normal: face.normal, plane: Some(face.plane), candidates }
+    }
+
+    /// Prepares evaluations at free sensors with this unit normal.
+    #[must_use]
+    pub fn free_view(&self, normal: DVec3) -> View {
+        let candidates = vec![Some(Candidates::Tree); self.emitters.len()];
+        View { normal, plane: None, candidates }
+    }
+
+    /// The occluders that may stand between two polygons; `None` if these cannot
+    /// see each other at all.
+    fn shaft(
+        &self,
+        (a, normal_a, plane_a): (&[DVec3], DVec3, PlaneId),
+        (b, normal_b, plane_b): (&[DVec3], DVec3, PlaneId),
+    ) -> Option<Candidates> {
+        let list = self.between(a, (normal_a, plane_a), b, (normal_b, plane_b))?;
+        Some(if list.len() > LONGEST_LIST { Candidates::Tree } else { Candidates::List(list) })
+    }
+
+    /// All occluders (positions in [`Scene::pieces`]) that may hide a part of `b`
+    /// from a point of `a`: those that meet the convex hull of both, and neither
+    /// lie in nor behind one of the planes. `None` if no point of one polygon's
+    /// front sees the front of the other.
+    #[must_use]
+    pub fn between(
+        &self,
+        a: &[DVec3],
+        (normal_a, plane_a): (DVec3, PlaneId),
+        b: &[DVec3],
+        (normal_b, plane_b): (DVec3, PlaneId),
+    ) -> Option<Vec<u32>> {
+        let tolerance = self.scene.plane_tolerance();
+        let above = |points: &[DVec3], origin: DVec3, normal: DVec3| {
+            points.iter().any(|&p| normal.dot(p - origin) > tolerance)
+        };
+        if !above(b, a[0], normal_a) || !above(a, b[0], normal_b) {
+            return None;
+        }
+        let bounds = Aabb::of(a.iter().chain(b).copied());
+        // Planes that have the whole shaft on one side, outward normals.
+        let mut walls: Vec<(DVec3, f64)> = vec![
+            (-normal_a, -normal_a.dot(a[0])),
+            (-normal_b, -normal_b.dot(b[0])),
+        ];
+        for (edges, points) in [(a, b), (b, a)] {
+            for i in 0..edges.len() {
+                let (p, q) = (edges[i], edges[(i + 1) % edges.len()]);
+                for &r in points {
+                    let Some(normal) = (q - p).cross(r - p).try_normalize() else { continue };
+                    let offset = normal.dot(p);
+                    let (mut lo, mut hi) = (0.0f64, 0.0f64);
+                    for &x in a.iter().chain(b) {
+                        let d = normal.dot(x) - offset;
+                        (lo, hi) = (lo.min(d), hi.max(d));
+                    }
+                    if hi <= tolerance && lo < -tolerance {
+                        walls.push((normal, offset));
+                    } else if lo >= -tolerance && hi > tolerance {
+                        walls.push((-normal, -offset));
+                    }
+                }
+            }
+        }
+        let mut list = Vec::new();
+        self.scene.tree.visit(
+            |b| {
+                b.meets(&bounds)
+                    && walls.iter().all(|&(n, d)| -b.max_along(-n) <= d + tolerance)
+            },
+            |piece| {
+                let occluder = &self.occluders[piece as usize];
+                let corners = self.occluder_corners(piece);
+                // In or beyond a wall: strictly inside of the two planes, not
+                // strictly outside of the others.
+                let is_between = occluder.plane != plane_a
+                    && occluder.plane != plane_b
+                    && walls.iter().enumerate().all(|(k, &(n, d))| {
+                        let slack = if k < 2 { -tolerance } else { tolerance };
+                        corners.iter().any(|&x| n.dot(x) - d < slack)
+                    });
+                if is_between {
+                    list.push(piece);
+                }
+            },
+        );
+        list.sort_unstable();
+        Some(list)
+    }
+
+    fn occluder_corners(&self, piece: u32) -> &[DVec3] {
+        let o = &self.occluders[piece as usize];
+        &self.corners[o.start as usize..(o.start + o.len) as usize]
+    }
+
+    /// Form factors from a point to the visible part of every emitter.
+    ///
+    /// * `point` — scene units.
+    /// * `approach` — the limit from one side, for nodes on contacts.
+    /// * `factors` — one value per emitter, in the order of [`Evaluator::emitters`].
+    ///
+    /// Each factor is in `0..=1`, dimensionless; irradiance is the sum of
+    /// exitance times factor. This is one *exact evaluation*.
+    ///
+    /// # Panics
+    ///
+    /// If `factors` has not one place per emitter.
+    pub fn factors(
+        &self,
+        view: &View,
+        point: DVec3,
+        approach: Option<&Approach>,
+        scratch: &mut Scratch,
+        factors: &mut [f64],
+    ) {
+        assert_eq!(factors.len(), self.emitters.len(), "one factor per emitter");
+        for ((emitter, candidates), factor) in
+            self.emitters.iter().zip(&view.candidates).zip(factors.iter_mut())
+        {
+            *factor = 0.0;
+            let Some(candidates) = candidates else { continue };
+            for piece in &emitter.pieces {
+                let source =
+                    Source { corners: &piece.corners, normal: emitter.normal, plane: emitter.plane };
+                let list = match candidates {
+                    Candidates::List(list) => Some(list.as_slice()),
+                    Candidates::Tree => None,
+                };
+                *factor += self.factor(view, &source, emitter.bounds, list, point, approach, scratch);
+            }
+        }
+    }
+
+    /// Irradiance per band at a point: the sum over emitters of exitance times
+    /// factor.
+    #[must_use]
+    pub fn irradiance(
+        &self,
+        view: &View,
+        point: DVec3,
+        approach: Option<&Approach>,
+        scratch: &mut Scratch,
+    ) -> Vec<f64> {
+        let mut factors = vec![0.0; self.emitters.len()];
+        self.factors(view, point, approach, scratch, &mut factors);
+        self.weigh(&factors)
+    }
+
+    /// Irradiance per band of factors: the sum of exitance times factor.
+    #[must_use]
+    pub fn weigh(&self, factors: &[f64]) -> Vec<f64> {
+        let mut bands = vec![0.0; self.scene.n_bands];
+        for (emitter, factor) in self.emitters.iter().zip(factors) {
+            let exitance = &self.scene.material(emitter.face).exitance;
+            for (band, m) in bands.iter_mut().zip(exitance) {
+                *band += m * factor;
+            }
+        }
+        bands
+    }
+
+    /// The form factor from a point to the visible part of any convex source, and
+    /// that part itself: `visit` is called with each of its convex fragments
+    /// (corners relative to the point).
+    ///
+    /// * `occluders` — the candidates, from [`Evaluator::between`]; `None` asks the
+    ///   box tree.
+    pub fn visible_parts(
+        &self,
+        (normal, plane): (DVec3, Option<PlaneId>),
+        source: &Source<'_>,
+        occluders: Option<&[u32]>,
+        point: DVec3,
+        approach: Option<&Approach>,
+        scratch: &mut Scratch,
+        mut visit: impl FnMut(&[DVec3], f64),
+    ) -> f64 {
+        let view = View { normal, plane, candidates: Vec::new() };
+        let bounds = Aabb::of(source.corners.iter().copied());
+        let factor = self.factor(&view, source, bounds, occluders, point, approach, scratch);
+        for &fragment in &scratch.visible {
+            let corners = scratch.fragments.corners(fragment);
+            visit(corners, contour_sum(corners, normal));
+        }
+        factor
+    }
+
+    /// The factor of one convex source; its fragments stay in `scratch.visible`.
+    fn factor(
+        &self,
+        view: &View,
+        source: &Source<'_>,
+        bounds: Aabb,
+        list: Option<&[u32]>,
+        point: DVec3,
+        approach: Option<&Approach>,
+        scratch: &mut Scratch,
+    ) -> f64 {
+        scratch.fragments.clear();
+        scratch.halves.clear();
+        scratch.cones.clear();
+        scratch.cone_corners.clear();
+        scratch.visible.clear();
+        if view.plane == Some(source.plane) || !is_in_front(source, point, approach) {
+            return 0.0;
+        }
+
+        // The source relative to the point, above the horizon.
+        let whole = relative_source(source, point, approach, &mut scratch.fragments);
+        let reach_sq = scratch
+            .fragments
+            .corners(whole)
+            .iter()
+            .fold(0.0f64, |m, x| m.max(x.length_squared()));
+        let reach = reach_sq.sqrt();
+        let horizon =
+            HalfSpace { normal: view.normal, offset: 0.0, tolerance: 16.0 * f64::EPSILON * reach };
+        let lit = match scratch.fragments.position(whole, &horizon) {
+            Position::Outside => return 0.0,
+            Position::Inside => whole,
+            Position::Straddles => scratch.fragments.split(whole, &horizon).0,
+        };
+
+        // The cones of all candidates.
+        let add = |piece: u32, scratch: &mut Scratch| {
+            let occluder = &self.occluders[piece as usize];
+            if occluder.plane == source.plane || Some(occluder.plane) == view.plane {
+                return;
+            }
+            let corners = self.occluder_corners(piece);
+            let halves = scratch.halves.len() as u32;
+            let n = cone(&mut scratch.halves, corners, occluder.normal, point, approach, reach);
+            if n > 0 {
+                let start = scratch.cone_corners.len() as u32;
+                scratch.cone_corners.extend(corners.iter().map(|&c| c - point));
+                scratch.cones.push(Cone {
+                    halves,
+                    n_halves: n as u32,
+                    corners: start,
+                    n_corners: corners.len() as u32,
+                });
+            }
+        };
+        match list {
+            Some(list) => list.iter().for_each(|&piece| add(piece, scratch)),
+            None => {
+                let mut found = std::mem::take(&mut scratch.found);
+                found.clear();
+                self.query(view, source, bounds, point, approach, &mut found);
+                found.iter().for_each(|&piece| add(piece, scratch));
+                scratch.found = found;
+            }
+        }
+        scratch.n_cones += scratch.cones.len() as u64;
+
+        if scratch.cones.is_empty() {
+            scratch.visible.push(lit);
+            return contour_sum(scratch.fragments.corners(lit), view.normal).max(0.0);
+        }
+        let everything: smallvec::SmallVec<[u32; 32]> = (0..scratch.cones.len() as u32).collect();
+        let mut hidden = Hidden::new(view.normal);
+        visible_of(scratch, lit, &everything, 0, &mut hidden);
+        let mut factor = 0.0;
+        for &fragment in &scratch.visible {
+            factor += contour_sum(scratch.fragments.corners(fragment), view.normal);
+        }
+        hidden.audit(factor, contour_sum(scratch.fragments.corners(lit), view.normal));
+        factor.max(0.0)
+    }
+
+    /// Candidates of one point: pieces whose box meets the pyramid from the point
+    /// to the source, above the horizon and in front of the source.
+    fn query(
+        &self,
+        view: &View,
+        source: &Source<'_>,
+        bounds: Aabb,
+        point: DVec3,
+        approach: Option<&Approach>,
+        found: &mut Vec<u32>,
+    ) {
+        let slack = approach.map_or(0.0, |a| a.radius) + self.scene.plane_tolerance();
+        let around = Aabb { min: bounds.min.min(point), max: bounds.max.max(point) };
+        let around = Aabb { min: around.min - slack, max: around.max + slack };
+        let n = source.corners.len();
+        let mut walls: smallvec::SmallVec<[(DVec3, f64); 12]> = smallvec::SmallVec::new();
+        walls.push((-view.normal, slack - view.normal.dot(point)));
+        walls.push((-source.normal, slack - source.normal.dot(source.corners[0])));
+        for i in 0..n {
+            let (a, b) = (source.corners[i], source.corners[(i + 1) % n]);
+            // Counter-clockwise as seen from the point: a × b points inwards... and
+            // outwards is b × a.
+            let normal = (a - point).cross(b - point);
+            if let Some(normal) = normal.try_normalize() {
+                walls.push((normal, normal.dot(point) + slack));
+            }
+        }
+        self.scene.tree.visit(
+            |b| b.meets(&around) && walls.iter().all(|&(n, d)| -b.max_along(-n) <= d),
+            |piece| found.push(piece),
+        );
+        found.sort_unstable();
+    }
+}
+
+/// Does the front of the source face the point (or the side it is approached from)?
+fn is_in_front(source: &Source<'_>, point: DVec3, approach: Option<&Approach>) -> bool {
+    let to_point = point - source.corners[0];
+    let height = source.normal.dot(to_point);
+    if let Some(approach) = approach {
+        let slope = source.normal.dot(approach.toward);
+        if height.abs() <= approach.radius && slope.abs() > 1e-6 {
+            return slope > 0.0;
+        }
+    }
+    height > 8.0 * f64::EPSILON * to_point.abs().max_element().max(point.abs().max_element())
+}
+
+/// The source relative to the point. Where the source touches the point, the
+/// touching place is seen in the direction opposite to the approach: that
+/// direction stands in its outline, at a vanishing distance.
+fn relative_source(
+    source: &Source<'_>,
+    point: DVec3,
+    approach: Option<&Approach>,
+    fragments: &mut Fragments,
+) -> Fragment {
+    let Some(approach) = approach else {
+        return fragments.push(source.corners.iter().map(|&c| c - point));
+    };
+    let r_sq = approach.radius * approach.radius;
+    let behind = -approach.toward * (approach.radius * 1e-3);
+    let n = source.corners.len();
+    let mut corners: smallvec::SmallVec<[DVec3; 8]> = smallvec::SmallVec::new();
+    for i in 0..n {
+        let (a, b) = (source.corners[i] - point, source.corners[(i + 1) % n] - point);
+        let (a_touches, b_touches) = (a.length_squared() <= r_sq, b.length_squared() <= r_sq);
+        corners.push(if a_touches { behind } else { a });
+        if !a_touches && !b_touches && distance_to_segment_sq(a, b - a) <= r_sq {
+            corners.push(behind);
+        }
+    }
+    fragments.push(corners)
+}
+
+/// The parts of `fragment` that none of the cones in `list` holds, pushed to
+/// `scratch.visible`.
+fn visible_of(
+    scratch: &mut Scratch,
+    fragment: Fragment,
+    list: &[u32],
+    depth: u32,
+    hidden: &mut Hidden,
+) {
+    // Which cones can hide a part of this fragment?
+    let mut relevant: smallvec::SmallVec<[u32; 32]> = smallvec::SmallVec::new();
+    for &c in list {
+        match coverage(scratch, fragment, c, depth > 0) {
+            Coverage::Nothing => {}
+            Coverage::Part => relevant.push(c),
+            Coverage::All => {
+                hidden.add(scratch.fragments.corners(fragment));
+                return;
+            }
+        }
+    }
+    if relevant.is_empty() {
+        scratch.visible.push(fragment);
+        return;
+    }
+    if relevant.len() > FLAT_CANDIDATES && depth < DEEPEST_SPLIT {
+        let halves = cut_in_two(scratch, fragment);
+        if let Some((a, b)) = halves {
+            visible_of(scratch, a, &relevant, depth + 1, hidden);
+            visible_of(scratch, b, &relevant, depth + 1, hidden);
+            return;
+        }
+    }
+    // Few: peel them off one after the other.
+    let first = scratch.visible.len();
+    scratch.visible.push(fragment);
+    for &c in &relevant {
+        let end = scratch.visible.len();
+        let mut kept = first;
+        for i in first..end {
+            let part = scratch.visible[i];
+            let before = scratch.visible.len();
+            if peel(scratch, part, c, hidden) {
+                // Its visible pieces were appended behind `end`.
+                debug_assert!(scratch.visible.len() >= before);
+            } else {
+                scratch.visible[kept] = part;
+                kept += 1;
+            }
+        }
+        // Close the gap between what was kept and what was appended.
+        scratch.visible.drain(kept..end);
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Coverage {
+    Nothing,
+    Part,
+    All,
+}
+
+/// How much of a fragment a cone can hide. Conservative: `Part` may be nothing.
+fn coverage(scratch: &Scratch, fragment: Fragment, c: u32, deep: bool) -> Coverage {
+    let cone = scratch.cones[c as usize];
+    let halves = &scratch.halves[cone.halves as usize..(cone.halves + cone.n_halves) as usize];
+    let mut all = true;
+    for half in halves {
+        match scratch.fragments.position(fragment, half) {
+            Position::Outside => return Coverage::Nothing,
+            Position::Inside => {}
+            Position::Straddles => all = false,
+        }
+    }
+    if all {
+        return Coverage::All;
+    }
+    // A side of the fragment's own pyramid that has the whole occluder outside.
+    if deep {
+        let corners = scratch.fragments.corners(fragment);
+        let occluder = &scratch.cone_corners
+            [cone.corners as usize..(cone.corners + cone.n_corners) as usize];
+        let n = corners.len();
+        for i in 0..n {
+            // Counter-clockwise seen from the point: inwards is v × u.
+            let inward = corners[if i + 1 == n { 0 } else { i + 1 }].cross(corners[i]);
+            if occluder.iter().all(|q| inward.dot(*q) < 0.0) {
+                return Coverage::Nothing;
+            }
+        }
+    }
+    Coverage::Part
+}
+
+/// Removes from `part` what cone `c` hides. Returns `false` if nothing is hidden
+/// (and leaves the part as it is), else appends the visible pieces.
+fn peel(scratch: &mut Scratch, part: Fragment, c: u32, hidden: &mut Hidden) -> bool {
+    let cone = scratch.cones[c as usize];
+    let range = cone.halves as usize..(cone.halves + cone.n_halves) as usize;
+    for k in range.clone() {
+        if scratch.fragments.position(part, &scratch.halves[k]) == Position::Outside {
+            return false;
+        }
+    }
+    let before = scratch.visible.len();
+    let mut rest = part;
+    for k in range {
+        let half = scratch.halves[k];
+        match scratch.fragments.position(rest, &half) {
+            Position::Inside => {}
+            Position::Outside => {
+                // The cone passes the fragment by: give back what was cut off.
+                scratch.visible.truncate(before);
+                return false;
+            }
+            Position::Straddles => {
+                let (inside, outside) = scratch.fragments.split(rest, &half);
+                scratch.visible.push(outside);
+                rest = inside;
+            }
+        }
+    }
+    hidden.add(scratch.fragments.corners(rest));
+    true
+}
+
+/// Cuts a fragment through its centroid and the middle of its longest edge.
+fn cut_in_two(scratch: &mut Scratch, fragment: Fragment) -> Option<(Fragment, Fragment)> {
+    let corners = scratch.fragments.corners(fragment);
+    let n = corners.len();
+    let centroid = corners.iter().copied().sum::<DVec3>() / n as f64;
+    let (mut longest, mut middle, mut reach_sq) = (0.0, DVec3::ZERO, 0.0f64);
+    for i in 0..n {
+        let (a, b) = (corners[i], corners[(i + 1) % n]);
+        let length = (b - a).length_squared();
+        reach_sq = reach_sq.max(a.length_squared());
+        if length > longest {
+            longest = length;
+            middle = (a + b) / 2.0;
+        }
+    }
+    // Smaller than this and the pieces are rounding.
+    if longest < 1e-24 * reach_sq {
+        return None;
+    }
+    let normal = middle.cross(centroid).try_normalize()?;
+    let half =
+        HalfSpace { normal, offset: 0.0, tolerance: 16.0 * f64::EPSILON * reach_sq.sqrt() };
+    (scratch.fragments.position(fragment, &half) == Position::Straddles)
+        .then(|| scratch.fragments.split(fragment, &half))
+}
+
+/// The audit of an evaluation, in debug builds: visible and hidden parts must add
+/// up to the whole.
+#[derive(Debug)]
+struct Hidden {
+    #[cfg(debug_assertions)]
+    normal: DVec3,
+    #[cfg(debug_assertions)]
+    sum: f64,
+}
+
+impl Hidden {
+    fn new(normal: DVec3) -> Self {
+        let _ = normal;
+        Self {
+            #[cfg(debug_assertions)]
+            normal,
+            #[cfg(debug_assertions)]
+            sum: 0.0,
+        }
+    }
+
+    fn add(&mut self, corners: &[DVec3]) {
+        let _ = corners;
+        #[cfg(debug_assertions)]
+        {
+            self.sum += contour_sum(corners, self.normal);
+        }
+    }
+
+    fn audit(&self, visible: f64, whole: f64) {
+        let _ = (visible, whole);
+        #[cfg(debug_assertions)]
+        assert!(
+            (visible + self.sum - whole).abs() <= 1e-12 && visible <= whole + 1e-12,
+            "visible {visible} + hidden {} is not the unoccluded factor {whole}",
+            self.sum
+        );
+    }
+}

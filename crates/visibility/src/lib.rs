@@ -1,0 +1,20 @@
+//! Exact visibility between polygons.
+//!
+//! [`Evaluator`] answers how much of every emitter a point sees, in closed form,
+//! whatever stands between: no sampling anywhere. [`critical_curves`] enumerates
+//! the events whose curves bound shadows on a receiver.
+
+mod cone;
+mod evaluator;
+mod events;
+mod fragments;
+mod intervals;
+mod lambert;
+
+pub use cone::Approach;
+pub use evaluator::{Evaluator, Scratch, Source, View};
+pub use events::{
+    CountByKind, CriticalCurve, CriticalCurves, Discontinuity, Event, EventKind, EventKinds,
+    critical_curves,
+};
+pub use lambert::contour_sum;
