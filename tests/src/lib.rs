@@ -1,1 +1,8 @@
-//! Helpers of the tests.
+//! Helpers of the tests: cases with known answers, small scenes, oracles.
+
+pub mod cases;
+pub mod motion;
+pub mod oracle;
+pub mod quadrature;
+pub mod rational;
+pub mod scenes;

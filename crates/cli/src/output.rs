@@ -99,6 +99,7 @@ pub(crate) fn write(
         },
         Format::Png => {
             let options = picture_options(look)?;
+            options.check(scene).map_err(std::io::Error::other)?;
             picture::write_png(&picture::render(scene, &options), out)
         }
     })
@@ -130,17 +131,16 @@ fn picture_options(look: &Picture) -> std::io::Result<picture::PictureOptions> {
 }
 
 fn named(name: &str) -> Option<picture::View> {
-    use picture::NamedView;
-    let view = match name {
-        "front" => NamedView::Front,
-        "back" => NamedView::Back,
-        "left" => NamedView::Left,
-        "right" => NamedView::Right,
-        "top" => NamedView::Top,
-        "bottom" => NamedView::Bottom,
+    let side = match name {
+        "front" => picture::Side::Front,
+        "back" => picture::Side::Back,
+        "left" => picture::Side::Left,
+        "right" => picture::Side::Right,
+        "top" => picture::Side::Top,
+        "bottom" => picture::Side::Bottom,
         _ => return None,
     };
-    Some(picture::View::Named(view))
+    Some(picture::View::Named(side))
 }
 
 /// Is `--view` one there is? Asked before any work is done.

@@ -3,7 +3,9 @@
 
 pub mod model;
 pub mod obj;
+pub mod picture;
 mod read_error;
 pub mod scene_file;
+pub mod write;
 
 pub use read_error::ReadError;

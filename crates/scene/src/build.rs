@@ -4,7 +4,9 @@
 //! keyholes, holes, planarity), plane classes, edges, overlaps. Each tolerance is
 //! consulted once, here; what it decides is an id afterwards.
 
+mod flat;
 mod frame;
+mod loops;
 mod materials;
 mod outline;
 mod overlap;

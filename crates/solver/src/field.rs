@@ -134,17 +134,25 @@ impl ReceiverMesh {
 pub(crate) const CHECK_POINTS: [[f64; 3]; 3] =
     [[0.60, 0.27, 0.13], [0.13, 0.60, 0.27], [0.27, 0.13, 0.60]];
 
+/// Where the error is measured on an edge that lies on a curve, by degree, from
+/// both ends: the largest error of interpolation at equally spaced nodes.
+const EDGE_CHECK: [f64; 4] = [0.5, 0.211, 0.127, 0.0892];
+
 /// Elements whose measured error is above this fraction of the tolerance are
 /// refined: three check points see the largest error of a smooth function within
 /// a factor of two (measured: `docs/accuracy.md`).
 pub(crate) const SAFETY: f64 = 0.5;
 
-/// Elements shorter than this fraction of their receiver are not refined.
+/// Elements at the end of a contact that are shorter than this fraction of their
+/// receiver are not refined.
 ///
-/// 2⁻¹³: at the end of a contact irradiance depends on the direction of approach,
-/// so no element size is small enough; the elements left there cover about 1e-7
-/// of the receiver.
+/// There irradiance depends on the direction of approach, so that no element size
+/// is small enough. At 2⁻¹³ the elements left cover about 1e-8 of the receiver.
 pub(crate) const RESOLUTION: f64 = 1.0 / 8192.0;
+
+/// No element shorter than this fraction of its receiver is refined: 64 pixels of
+/// its arrangement.
+const SHORTEST: f64 = 1.0 / (1 << 22) as f64;
 
 /// What makes a node: its position, and the side it is approached from.
 type NodeKey = [u64; 4];
@@ -256,17 +264,16 @@ impl Field {
             return;
         }
         let special = self.special_vertices();
+        let singular = self.singular_points(&special);
         let mut samples: Vec<Sample> = Vec::new();
-        let first_new_node = self.nodes.len();
+        // Check points on curves are shared by the elements at them, like nodes.
+        let mut edge_checks: Vec<Vec<([f64; 3], u32)>> = Vec::with_capacity(new.len());
         for &t in &new {
-            let ids = self.nodes_for(t, &special, &mut samples);
-            self.element_nodes[t] = ids;
-            self.is_singular[t] = self.mesh.triangles[t]
-                .iter()
-                .any(|v| special.get(v).is_some_and(|s| s.is_singular));
+            self.element_nodes[t] = self.nodes_for(t, &special, &mut samples);
+            edge_checks.push(self.edge_checks_for(t, &mut samples));
+            self.is_singular[t] = self.touches(t, &singular);
         }
         let n_new_nodes = samples.len();
-        debug_assert_eq!(first_new_node + n_new_nodes, self.nodes.len());
         for &t in &new {
             for at in CHECK_POINTS {
                 let uv = self.point(t, at);
@@ -285,22 +292,17 @@ impl Field {
                 *peak = peak.max(value);
             }
         }
-        let checks = &found[n_new_nodes * self.n_bands..];
-        let n = n_nodes(self.degree);
-        let phi = CHECK_POINTS.map(|at| values(self.degree, at));
+        let inner = &found[n_new_nodes * self.n_bands..];
         for (k, &t) in new.iter().enumerate() {
             for band in 0..self.n_bands {
                 let mut worst = 0.0f64;
-                for (c, phi) in phi.iter().enumerate() {
-                    let exact = checks[(k * CHECK_POINTS.len() + c) * self.n_bands + band];
-                    let mesh: f64 = (0..n)
-                        .map(|i| {
-                            phi[i]
-                                * self.direct
-                                    [self.element_nodes[t][i] as usize * self.n_bands + band]
-                        })
-                        .sum();
-                    worst = worst.max((mesh - exact).abs());
+                for (c, &at) in CHECK_POINTS.iter().enumerate() {
+                    let exact = inner[(k * CHECK_POINTS.len() + c) * self.n_bands + band];
+                    worst = worst.max((self.value(&self.direct, t, at, band) - exact).abs());
+                }
+                for &(at, id) in &edge_checks[k] {
+                    let exact = self.direct[id as usize * self.n_bands + band];
+                    worst = worst.max((self.value(&self.direct, t, at, band) - exact).abs());
                 }
                 self.errors[t * self.n_bands + band] = worst;
             }
@@ -356,6 +358,30 @@ impl Field {
         special
     }
 
+    /// Where irradiance has no single value, sorted by u.
+    fn singular_points(&self, special: &HashMap<u32, SpecialVertex>) -> Vec<DVec2> {
+        let mut points: Vec<DVec2> = (0..self.mesh.vertices.len() as u32)
+            .filter(|v| special.get(v).is_some_and(|s| s.is_singular))
+            .map(|v| self.mesh.vertices[v as usize])
+            .collect();
+        points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+        points
+    }
+
+    /// Has the element a corner at a singular point? Corners a few pixels from it
+    /// count: several curves end at a contact's end, up to rounding.
+    fn touches(&self, t: usize, singular: &[DVec2]) -> bool {
+        let radius = 32.0 * self.contact_radius;
+        self.mesh.triangles[t].iter().any(|&v| {
+            let p = self.mesh.vertices[v as usize];
+            let from = singular.partition_point(|s| s.x < p.x - radius);
+            singular[from..]
+                .iter()
+                .take_while(|s| s.x <= p.x + radius)
+                .any(|s| s.distance_squared(p) <= radius * radius)
+        })
+    }
+
     /// The nodes of an element: known ones, and new ones with their samples.
     fn nodes_for(
         &mut self,
@@ -368,54 +394,102 @@ impl Field {
         let centroid = (corners[0] + corners[1] + corners[2]) / 3.0;
         let p = f64::from(self.degree);
         let mut ids = [u32::MAX; MOST_NODES];
-        for (i, node) in lattice(self.degree).iter().enumerate() {
-            let on: Vec<usize> = (0..3).filter(|&k| node[k] > 0).collect();
-            let (uv, side) = match on.as_slice() {
-                [k] => {
-                    let v = triangle[*k];
-                    let side = special.get(&v).map_or(NodeSide::Both, |s| s.side(corners[*k], centroid));
-                    (corners[*k], side)
-                }
-                [j, k] => {
-                    // From the vertex with the smaller id, so that both elements
-                    // at this edge find the same bits.
-                    let (j, k) = if triangle[*j] < triangle[*k] { (*j, *k) } else { (*k, *j) };
-                    let uv = corners[j] + (corners[k] - corners[j]) * (f64::from(node[k]) / p);
-                    let role = self.role(triangle[j], triangle[k]);
-                    let side = if role == EdgeRole::default() {
-                        NodeSide::Both
-                    } else {
-                        NodeSide::of(corners[k] - corners[j], uv, centroid)
-                    };
-                    (uv, side)
-                }
-                _ => {
-                    let uv = (corners[0] * f64::from(node[0])
-                        + corners[1] * f64::from(node[1])
-                        + corners[2] * f64::from(node[2]))
-                        / p;
-                    (uv, NodeSide::Both)
-                }
+        for (id, node) in ids.iter_mut().zip(lattice(self.degree)) {
+            let (uv, side) = match node.map(|m| m > 0) {
+                [true, false, false] => self.corner(triangle[0], special, centroid),
+                [false, true, false] => self.corner(triangle[1], special, centroid),
+                [false, false, true] => self.corner(triangle[2], special, centroid),
+                [true, true, false] => self.on_edge(t, 0, f64::from(node[1]) / p, centroid),
+                [false, true, true] => self.on_edge(t, 1, f64::from(node[2]) / p, centroid),
+                [true, false, true] => self.on_edge(t, 2, f64::from(node[0]) / p, centroid),
+                _ => (self.point(t, node.map(|m| f64::from(m) / p)), NodeSide::Both),
             };
-            let toward = (centroid - uv).normalize_or_zero();
-            let tag = match side {
-                NodeSide::Both => [0, 0],
-                NodeSide::Border => [1, 0],
-                NodeSide::Left => [2, 0],
-                NodeSide::Right => [3, 0],
-                NodeSide::Corner => [toward.x.to_bits(), toward.y.to_bits()],
-            };
-            let key = [uv.x.to_bits(), uv.y.to_bits(), tag[0], tag[1]];
-            ids[i] = *self.ids.entry(key).or_insert_with(|| {
-                let toward = (side != NodeSide::Both)
-                    .then(|| self.chart.direction(toward).normalize_or_zero());
-                samples.push(Sample { point: self.chart.to_space(uv), toward });
-                self.nodes.push(uv);
-                self.toward.push(toward);
-                (self.nodes.len() - 1) as u32
-            });
+            *id = self.node(uv, side, centroid, samples);
         }
         ids
+    }
+
+    /// Check points on the edges of an element that lie on curves: where
+    /// interpolation along the edge errs most.
+    fn edge_checks_for(&mut self, t: usize, samples: &mut Vec<Sample>) -> Vec<([f64; 3], u32)> {
+        let centroid = self.point(t, [1.0 / 3.0; 3]);
+        let triangle = self.mesh.triangles[t];
+        let mut checks = Vec::new();
+        for k in 0..3 {
+            let next = (k + 1) % 3;
+            if self.mesh.edge_curves(triangle[k], triangle[next]).is_none() {
+                continue;
+            }
+            let off = EDGE_CHECK[usize::from(self.degree) - 1];
+            for at in [off, 1.0 - off] {
+                let (uv, side) = self.on_edge(t, k, at, centroid);
+                let mut barycentric = [0.0; 3];
+                barycentric[k] = 1.0 - at;
+                barycentric[next] = at;
+                checks.push((barycentric, self.node(uv, side, centroid, samples)));
+                if off == 0.5 {
+                    break;
+                }
+            }
+        }
+        checks
+    }
+
+    fn corner(
+        &self,
+        v: u32,
+        special: &HashMap<u32, SpecialVertex>,
+        centroid: DVec2,
+    ) -> (DVec2, NodeSide) {
+        let uv = self.mesh.vertices[v as usize];
+        (uv, special.get(&v).map_or(NodeSide::Both, |s| s.side(uv, centroid)))
+    }
+
+    /// The point at `at` along edge `k` of an element, from corner k to k + 1; the
+    /// same bits from both elements at the edge.
+    fn on_edge(&self, t: usize, k: usize, at: f64, centroid: DVec2) -> (DVec2, NodeSide) {
+        let triangle = self.mesh.triangles[t];
+        let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
+        // From the vertex with the smaller id.
+        let (from, to, at) = if a < b { (a, b, at) } else { (b, a, 1.0 - at) };
+        let (p, q) = (self.mesh.vertices[from as usize], self.mesh.vertices[to as usize]);
+        let uv = p + (q - p) * at;
+        let side = if self.role(a, b) == EdgeRole::default() {
+            NodeSide::Both
+        } else {
+            NodeSide::of(q - p, uv, centroid)
+        };
+        (uv, side)
+    }
+
+    /// The id of the node at a position; a new one gets a sample.
+    fn node(
+        &mut self,
+        uv: DVec2,
+        side: NodeSide,
+        centroid: DVec2,
+        samples: &mut Vec<Sample>,
+    ) -> u32 {
+        let toward = (centroid - uv).normalize_or_zero();
+        let tag = match side {
+            NodeSide::Both => [0, 0],
+            NodeSide::Border => [1, 0],
+            NodeSide::Left => [2, 0],
+            NodeSide::Right => [3, 0],
+            NodeSide::Corner => [toward.x.to_bits(), toward.y.to_bits()],
+        };
+        let key = [uv.x.to_bits(), uv.y.to_bits(), tag[0], tag[1]];
+        if let Some(&id) = self.ids.get(&key) {
+            return id;
+        }
+        let id = self.nodes.len() as u32;
+        self.ids.insert(key, id);
+        let toward = (side != NodeSide::Both)
+            .then(|| self.chart.direction(toward).normalize_or_zero());
+        samples.push(Sample { point: self.chart.to_space(uv), toward });
+        self.nodes.push(uv);
+        self.toward.push(toward);
+        id
     }
 
     /// How often each element is to be bisected for its direct light.
@@ -434,7 +508,8 @@ impl Field {
                         excess = excess.max(errors[t * self.n_bands + band] / (SAFETY * a));
                     }
                 }
-                if excess <= 1.0 || self.longest_edge(t) <= RESOLUTION * self.size {
+                let resolution = if self.is_singular[t] { RESOLUTION } else { SHORTEST };
+                if excess <= 1.0 || self.longest_edge(t) <= resolution * self.size {
                     return 0;
                 }
                 // Two bisections halve the length and divide the error of a smooth

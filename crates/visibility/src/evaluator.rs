@@ -118,8 +118,7 @@ const LONGEST_LIST: usize = 24;
 /// More candidates than this in one fragment, and the fragment is cut in two.
 const FLAT_CANDIDATES: usize = 6;
 
-/// Splitting ends here: a hundred occluders around one common corner cannot be
-/// told apart by splitting.
+/// Splitting ends here, whatever is left.
 const DEEPEST_SPLIT: u32 = 40;
 
 /// Exact irradiance in a scene.
@@ -550,8 +549,9 @@ fn visible_of(
 ) {
     // Which cones can hide a part of this fragment?
     let mut relevant: smallvec::SmallVec<[u32; 32]> = smallvec::SmallVec::new();
+    let sides = if list.len() > 2 { pyramid(scratch.fragments.corners(fragment)) } else { Sides::new() };
     for &c in list {
-        match coverage(scratch, fragment, c, depth > 0) {
+        match coverage(scratch, fragment, c, &sides) {
             Coverage::Nothing => {}
             Coverage::Part => relevant.push(c),
             Coverage::All => {
@@ -565,8 +565,8 @@ fn visible_of(
         return;
     }
     if relevant.len() > FLAT_CANDIDATES && depth < DEEPEST_SPLIT {
-        let halves = cut_in_two(scratch, fragment);
-        if let Some((a, b)) = halves {
+        if let Some(half) = dividing_plane(scratch, fragment, &relevant) {
+            let (a, b) = scratch.fragments.split(fragment, &half);
             visible_of(scratch, a, &relevant, depth + 1, hidden);
             visible_of(scratch, b, &relevant, depth + 1, hidden);
             return;
@@ -601,9 +601,24 @@ enum Coverage {
     All,
 }
 
+/// The inward normals of the pyramid from the point to a fragment.
+type Sides = smallvec::SmallVec<[DVec3; 8]>;
+
+fn pyramid(corners: &[DVec3]) -> Sides {
+    // Counter-clockwise seen from the point: inwards is next × this.
+    let n = corners.len();
+    (0..n).map(|i| corners[if i + 1 == n { 0 } else { i + 1 }].cross(corners[i])).collect()
+}
+
 /// How much of a fragment a cone can hide. Conservative: `Part` may be nothing.
-fn coverage(scratch: &Scratch, fragment: Fragment, c: u32, deep: bool) -> Coverage {
+fn coverage(scratch: &Scratch, fragment: Fragment, c: u32, sides: &Sides) -> Coverage {
     let cone = scratch.cones[c as usize];
+    let corners =
+        &scratch.cone_corners[cone.corners as usize..(cone.corners + cone.n_corners) as usize];
+    // A side of the pyramid that has the whole occluder outside.
+    if sides.iter().any(|side| corners.iter().all(|q| side.dot(*q) < 0.0)) {
+        return Coverage::Nothing;
+    }
     let halves = &scratch.halves[cone.halves as usize..(cone.halves + cone.n_halves) as usize];
     let mut all = true;
     for half in halves {
@@ -613,24 +628,7 @@ fn coverage(scratch: &Scratch, fragment: Fragment, c: u32, deep: bool) -> Covera
             Position::Straddles => all = false,
         }
     }
-    if all {
-        return Coverage::All;
-    }
-    // A side of the fragment's own pyramid that has the whole occluder outside.
-    if deep {
-        let corners = scratch.fragments.corners(fragment);
-        let occluder = &scratch.cone_corners
-            [cone.corners as usize..(cone.corners + cone.n_corners) as usize];
-        let n = corners.len();
-        for i in 0..n {
-            // Counter-clockwise seen from the point: inwards is v × u.
-            let inward = corners[if i + 1 == n { 0 } else { i + 1 }].cross(corners[i]);
-            if occluder.iter().all(|q| inward.dot(*q) < 0.0) {
-                return Coverage::Nothing;
-            }
-        }
-    }
-    Coverage::Part
+    if all { Coverage::All } else { Coverage::Part }
 }
 
 /// Removes from `part` what cone `c` hides. Returns `false` if nothing is hidden
@@ -665,9 +663,58 @@ fn peel(scratch: &mut Scratch, part: Fragment, c: u32, hidden: &mut Hidden) -> b
     true
 }
 
-/// Cuts a fragment through its centroid and the middle of its longest edge.
-fn cut_in_two(scratch: &mut Scratch, fragment: Fragment) -> Option<(Fragment, Fragment)> {
-    let corners = scratch.fragments.corners(fragment);
+/// The plane through the point that best divides the candidates of a fragment:
+/// the one through its centroid and the middle of its longest edge, or that of a
+/// candidate's own edge, which has to be cut along anyway.
+fn dividing_plane(scratch: &Scratch, fragment: Fragment, list: &[u32]) -> Option<HalfSpace> {
+    let mut best: Option<(usize, HalfSpace)> = None;
+    let mut consider = |half: HalfSpace| {
+        if scratch.fragments.position(fragment, &half) != Position::Straddles {
+            return usize::MAX / 4;
+        }
+        let (mut inside, mut outside) = (0, 0);
+        for &c in list {
+            let cone = scratch.cones[c as usize];
+            let corners = &scratch.cone_corners
+                [cone.corners as usize..(cone.corners + cone.n_corners) as usize];
+            let (mut any_inside, mut any_outside) = (false, false);
+            for &q in corners {
+                let v = half.value(q);
+                any_inside |= v > 0.0;
+                any_outside |= v < 0.0;
+            }
+            inside += usize::from(any_inside);
+            outside += usize::from(any_outside);
+        }
+        // The larger half counts; candidates in both halves count twice.
+        let cost = 2 * inside.max(outside) + inside + outside;
+        if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+            best = Some((cost, half));
+        }
+        inside.max(outside)
+    };
+    if let Some(half) = middle_plane(scratch.fragments.corners(fragment)) {
+        let larger = consider(half);
+        if larger * 4 <= list.len() * 3 {
+            return Some(half);
+        }
+    }
+    let step = list.len().div_ceil(PLANES_TRIED);
+    for &c in list.iter().step_by(step) {
+        let cone = scratch.cones[c as usize];
+        // The first half-space is the occluder's plane, not one through the point.
+        for k in 1..cone.n_halves {
+            consider(scratch.halves[(cone.halves + k) as usize]);
+        }
+    }
+    best.map(|(_, half)| half)
+}
+
+/// Candidates whose edges are tried as dividing planes.
+const PLANES_TRIED: usize = 3;
+
+/// The plane through a fragment's centroid and the middle of its longest edge.
+fn middle_plane(corners: &[DVec3]) -> Option<HalfSpace> {
     let n = corners.len();
     let centroid = corners.iter().copied().sum::<DVec3>() / n as f64;
     let (mut longest, mut middle, mut reach_sq) = (0.0, DVec3::ZERO, 0.0f64);
@@ -685,10 +732,7 @@ fn cut_in_two(scratch: &mut Scratch, fragment: Fragment) -> Option<(Fragment, Fr
         return None;
     }
     let normal = middle.cross(centroid).try_normalize()?;
-    let half =
-        HalfSpace { normal, offset: 0.0, tolerance: 16.0 * f64::EPSILON * reach_sq.sqrt() };
-    (scratch.fragments.position(fragment, &half) == Position::Straddles)
-        .then(|| scratch.fragments.split(fragment, &half))
+    Some(HalfSpace { normal, offset: 0.0, tolerance: 16.0 * f64::EPSILON * reach_sq.sqrt() })
 }
 
 /// The audit of an evaluation, in debug builds: visible and hidden parts must add

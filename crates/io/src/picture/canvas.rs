@@ -47,8 +47,16 @@ impl Mask {
         let across_reach = reach * std::f64::consts::SQRT_2;
         for i in pixels(from.min(to) - reach, from.max(to) + reach, n_along) {
             let middle = i as f64 + 0.5;
-            let t = if to == from { 0.0 } else { ((middle - from) / (to - from)).clamp(0.0, 1.0) };
-            let across = if is_steep { a.x + t * along.x } else { a.y + t * along.y };
+            let t = if to == from {
+                0.0
+            } else {
+                ((middle - from) / (to - from)).clamp(0.0, 1.0)
+            };
+            let across = if is_steep {
+                a.x + t * along.x
+            } else {
+                a.y + t * along.y
+            };
             for j in pixels(across - across_reach, across + across_reach, n_across) {
                 let (x, y) = if is_steep { (j, i) } else { (i, j) };
                 let p = dvec2(x as f64 + 0.5, y as f64 + 0.5);
@@ -72,7 +80,10 @@ impl Mask {
             return None;
         }
         let margin = DVec2::splat(width + 2.0);
-        let (low, high) = (-margin, dvec2(self.width as f64, self.height as f64) + margin);
+        let (low, high) = (
+            -margin,
+            dvec2(self.width as f64, self.height as f64) + margin,
+        );
         let (mut t0, mut t1) = (0.0_f64, 1.0_f64);
         for axis in 0..2 {
             let (start, step) = (a[axis], b[axis] - a[axis]);

@@ -96,7 +96,11 @@ impl Scale {
                 largest_lit = largest_lit.max(max);
             }
         }
-        let max = if largest_lit > 0.0 { largest_lit } else { largest };
+        let max = if largest_lit > 0.0 {
+            largest_lit
+        } else {
+            largest
+        };
         if max <= 0.0 {
             return Self::new(0.0, 1.0);
         }
@@ -127,7 +131,7 @@ impl Scale {
     #[must_use]
     pub fn label(self, tick: f64) -> String {
         let largest = self.min.abs().max(self.max.abs());
-        if largest >= 1e6 || largest < 1e-3 {
+        if !(1e-3..1e6).contains(&largest) {
             let digits = (largest.log10().floor() - self.step.log10().floor()).max(0.0);
             return match tick {
                 0.0 => "0".to_owned(),

@@ -158,7 +158,10 @@ pub(super) fn draw_text(mask: &mut Mask, text: &str, start: DVec2, size: f64) {
             let (first, _) = columns(rows);
             let at = |column: u32, row: usize| {
                 let column = f64::from(column) - f64::from(first);
-                dvec2(x + column * cell, start.y + (row as f64 - CAP_HEIGHT) * cell)
+                dvec2(
+                    x + column * cell,
+                    start.y + (row as f64 - CAP_HEIGHT) * cell,
+                )
             };
             for (a, b) in strokes(rows) {
                 mask.line(at(a.0, a.1), at(b.0, b.1), STROKE * cell);

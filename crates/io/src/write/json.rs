@@ -7,8 +7,8 @@
 
 use std::io::{Result, Write};
 
-use serde::ser::{SerializeMap, SerializeSeq, Serializer};
 use serde::Serialize;
+use serde::ser::{SerializeMap, SerializeSeq, Serializer};
 
 use super::{check, labels};
 use crate::model::{Curve, CurveEdge, Field, MeshedScene, SurfaceMesh};

@@ -94,7 +94,10 @@ impl Basis {
             let (value, slope) = factors[i];
             let root = i as f64;
             let x = p * b - root;
-            factors[i + 1] = (value * x / (root + 1.0), (slope * x + value * p) / (root + 1.0));
+            factors[i + 1] = (
+                value * x / (root + 1.0),
+                (slope * x + value * p) / (root + 1.0),
+            );
         }
         factors
     }
@@ -133,7 +136,8 @@ mod tests {
         assert!((value - f(at)).abs() < 1e-12);
         // Along the element: from corner 0 towards corner 1.
         let h = 1e-6;
-        let slope = (f([at[0] - h, at[1] + h, at[2]]) - f([at[0] + h, at[1] - h, at[2]])) / (2.0 * h);
+        let slope =
+            (f([at[0] - h, at[1] + h, at[2]]) - f([at[0] + h, at[1] - h, at[2]])) / (2.0 * h);
         assert!((d[1] - d[0] - slope).abs() < 1e-6);
     }
 

@@ -167,7 +167,11 @@ fn problem_of(surface: &SurfaceMesh, n_bands: usize) -> Option<String> {
     } else if !(1..=4).contains(&surface.degree) {
         return Some(format!("degree {} (allowed 1 to 4)", surface.degree));
     }
-    if !surface.elements.len().is_multiple_of(surface.nodes_per_element()) {
+    if !surface
+        .elements
+        .len()
+        .is_multiple_of(surface.nodes_per_element())
+    {
         return Some("the last element is not complete".to_owned());
     }
     if let Some(node) = surface.elements.iter().find(|&&n| n as usize >= n_nodes) {

@@ -31,8 +31,15 @@ pub fn write(scene: &MeshedScene, out: &mut impl Write) -> Result<()> {
     } else {
         let (name, unit) = (one_line(field), one_line(&scene.unit));
         let (min, max) = (scale.min, scale.max);
-        let mean = if scene.n_bands > 1 { ", mean of bands" } else { "" };
-        writeln!(out, "# v x y z r g b: {name}{mean}, viridis from {min:?} to {max:?} {unit}")?;
+        let mean = if scene.n_bands > 1 {
+            ", mean of bands"
+        } else {
+            ""
+        };
+        writeln!(
+            out,
+            "# v x y z r g b: {name}{mean}, viridis from {min:?} to {max:?} {unit}"
+        )?;
     }
 
     let mut first_index = 1;

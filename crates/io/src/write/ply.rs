@@ -74,7 +74,11 @@ fn write_header(scene: &MeshedScene, out: &mut impl Write) -> Result<()> {
     for name in field_names(scene) {
         for (i, surface) in scene.surfaces.iter().enumerate() {
             if surface.field(name).is_none() {
-                writeln!(out, "comment surface {i} has no {}: written as 0", ascii(name))?;
+                writeln!(
+                    out,
+                    "comment surface {i} has no {}: written as 0",
+                    ascii(name)
+                )?;
             }
         }
     }
@@ -92,7 +96,12 @@ fn write_header(scene: &MeshedScene, out: &mut impl Write) -> Result<()> {
 }
 
 fn int(index: usize) -> Result<i32> {
-    let too_many = |_| Error::new(ErrorKind::InvalidData, "too many nodes for PLY's 32-bit indices");
+    let too_many = |_| {
+        Error::new(
+            ErrorKind::InvalidData,
+            "too many nodes for PLY's 32-bit indices",
+        )
+    };
     i32::try_from(index).map_err(too_many)
 }
 

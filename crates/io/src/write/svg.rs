@@ -52,7 +52,10 @@ pub fn write_surface(
 ) -> Result<()> {
     check(scene)?;
     let all_labels = labels(scene);
-    let index = scene.surfaces.iter().position(|s| std::ptr::eq(s, surface) || is_same(s, surface));
+    let index = scene
+        .surfaces
+        .iter()
+        .position(|s| std::ptr::eq(s, surface) || is_same(s, surface));
     let label = index.map_or(surface.name.as_str(), |i| &all_labels[i]);
     let drawing = Drawing::new(surface, label, DRAWING).ok_or_else(|| no_nodes(label))?;
     let width = (drawing.size.x + 2.0 * MARGIN).max(460.0);
@@ -113,7 +116,10 @@ fn is_same(a: &SurfaceMesh, b: &SurfaceMesh) -> bool {
 
 fn no_nodes(label: &str) -> Error {
     let label = one_line(label);
-    Error::new(ErrorKind::InvalidData, format!("surface {label} has no mesh to draw"))
+    Error::new(
+        ErrorKind::InvalidData,
+        format!("surface {label} has no mesh to draw"),
+    )
 }
 
 fn open(svg: &mut String, width: f64, height: f64, provenance: &str, title: &str) {
@@ -194,7 +200,11 @@ impl<'a> Drawing<'a> {
 
     fn draw_mesh(&self, svg: &mut String) {
         let mut edges: Vec<[u32; 2]> = Vec::new();
-        for element in self.surface.elements.chunks_exact(self.surface.nodes_per_element()) {
+        for element in self
+            .surface
+            .elements
+            .chunks_exact(self.surface.nodes_per_element())
+        {
             for [a, b] in [[0, 1], [1, 2], [2, 0]] {
                 let (a, b) = (element[a], element[b]);
                 edges.push([a.min(b), a.max(b)]);
@@ -228,7 +238,11 @@ impl<'a> Drawing<'a> {
             svg.push_str("\"><title>");
             for (i, &c) in curves.iter().enumerate() {
                 let separator = if i == 0 { "" } else { "\n" };
-                let _ = write!(svg, "{separator}{}", xml(&in_words(&self.surface.curves[c as usize])));
+                let _ = write!(
+                    svg,
+                    "{separator}{}",
+                    xml(&in_words(&self.surface.curves[c as usize]))
+                );
             }
             svg.push_str("</title></path>\n");
         }
@@ -255,7 +269,12 @@ impl<'a> Drawing<'a> {
         for (i, p) in points.enumerate() {
             let p = (p - self.min) * self.scale;
             let command = if i == 0 { 'M' } else { 'L' };
-            let _ = write!(svg, "{command}{} {}", number(p.x), number(self.size.y - p.y));
+            let _ = write!(
+                svg,
+                "{command}{} {}",
+                number(p.x),
+                number(self.size.y - p.y)
+            );
         }
     }
 }
@@ -303,7 +322,7 @@ impl Legend {
         }
         styles.sort_unstable();
         styles.dedup();
-        let row = |(order, kind)| {
+        let row = |(order, kind): (usize, usize)| {
             let kind_name = KINDS.get(kind).copied().unwrap_or("other");
             let words = match ORDERS.get(order) {
                 Some(style) if style.order == kind_name => kind_name.to_owned(),
@@ -372,7 +391,10 @@ fn chains(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
     let mut is_used = vec![false; edges.len()];
     let mut chains = Vec::new();
     // Open chains from their ends first; what is left then are rings.
-    let ends = edges_at.iter().filter(|(_, at)| at.len() != 2).map(|(&n, _)| n);
+    let ends = edges_at
+        .iter()
+        .filter(|(_, at)| at.len() != 2)
+        .map(|(&n, _)| n);
     let starts: Vec<u32> = ends.chain(edges_at.keys().copied()).collect();
     for start in starts {
         loop {

@@ -60,7 +60,10 @@ fn write_legend(scene: &MeshedScene, out: &mut impl Write) -> Result<()> {
     for (i, style) in ORDERS.iter().enumerate() {
         writeln!(out, "curve_order {i}: {} ({})", style.order, style.meaning)?;
     }
-    writeln!(out, "curve_kind -1, curve_order -1: not a curve but an element")?;
+    writeln!(
+        out,
+        "curve_kind -1, curve_order -1: not a curve but an element"
+    )?;
     writeln!(out, "element_error: relative to the peak, as measured\n-->")
 }
 
@@ -88,7 +91,10 @@ fn elements(scene: &MeshedScene) -> Piece {
         let first_point = piece.points.len() as i64;
         piece.points.extend(&surface.nodes);
         let n_values = surface.nodes.len() * scene.n_bands;
-        for (field, values) in fields_in_order(surface, &names).iter().zip(&mut piece.fields) {
+        for (field, values) in fields_in_order(surface, &names)
+            .iter()
+            .zip(&mut piece.fields)
+        {
             match field {
                 Some(field) => values.extend(&field.values),
                 None => values.resize(values.len() + n_values, 0.0),
@@ -173,7 +179,10 @@ impl Piece {
 
     fn write(&self, scene: &MeshedScene, out: &mut impl Write) -> Result<()> {
         let (n_points, n_cells) = (self.points.len(), self.types.len());
-        writeln!(out, "<Piece NumberOfPoints=\"{n_points}\" NumberOfCells=\"{n_cells}\">")?;
+        writeln!(
+            out,
+            "<Piece NumberOfPoints=\"{n_points}\" NumberOfCells=\"{n_cells}\">"
+        )?;
 
         writeln!(out, "<PointData>")?;
         for (name, values) in field_names(scene).iter().zip(&self.fields) {
@@ -245,7 +254,13 @@ mod tests {
 
     #[test]
     fn base64_gives_the_examples_of_rfc_4648() {
-        let examples = [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")];
+        let examples = [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foobar", "Zm9vYmFy"),
+        ];
         for (bytes, text) in examples {
             assert_eq!(base64(bytes.bytes()), text.as_bytes());
         }

@@ -1,13 +1,12 @@
 //! From the loops of a surface to plane polygons with convex pieces.
 
+use super::flat::{Flat, crossing_point};
+use super::loops::{open_keyholes, without_repeats};
 use super::weld::WELD_TOLERANCE;
 use super::{Findings, Units, short};
 use crate::bvh::Aabb;
 use crate::scene::Scene;
-use antumbra_geom::{
-    Chart, DVec2, DVec3, cdt, convex_pieces, newell_normal, point_in_polygon, segments_cross,
-    signed_area,
-};
+use antumbra_geom::{Chart, DVec2, DVec3, newell_normal, point_in_polygon, signed_area};
 
 /// Off its plane by less than this part of its size a surface is plane: eight
 /// digits more than drawing programs write, seven fewer than a rotation loses.
@@ -30,7 +29,7 @@ pub(super) struct Polygon {
     /// The corner nearest to the middle of the corners' heights.
     pub(super) point: u32,
     pub(super) area: f64,
-    /// Extent across the longest extent: rounding tilts the plane by its inverse.
+    /// Thickness across the longest extent: rounding tilts the plane by its inverse.
     pub(super) width: f64,
 }
 
@@ -59,7 +58,7 @@ pub(super) struct Shaper<'a> {
 }
 
 /// Why a surface has no polygon.
-enum Refusal {
+pub(super) enum Refusal {
     /// Of zero area: a warning.
     Empty,
     /// An error: its kind and what to say.
@@ -67,11 +66,11 @@ enum Refusal {
 }
 
 /// The outline and the holes of one surface, cleaned.
-struct Shape {
-    outline: Vec<u32>,
-    holes: Vec<Vec<u32>>,
+pub(super) struct Shape {
+    pub(super) outline: Vec<u32>,
+    pub(super) holes: Vec<Vec<u32>>,
     /// Strictly convex without holes: nothing else to check.
-    is_convex: bool,
+    pub(super) is_convex: bool,
     n_repeated: usize,
     n_collinear: usize,
     n_opened: usize,
@@ -133,7 +132,8 @@ impl Shaper<'_> {
         // A thin surface must be flat by its thickness, or its plane has no meaning.
         let thickness = width.min(newell_normal(&positions).length() / size);
         let flat = (FLAT * size).min(1e-3 * thickness);
-        let is_flat = deviation <= flat.max(self.extent * Scene::PLANE_TOLERANCE);
+        let flat = flat.max(self.extent * Scene::PLANE_TOLERANCE);
+        let is_flat = deviation <= flat;
         if relative > WARPED && !is_flat {
             return Err(Refusal::Bad(
                 "non-planar",
@@ -147,6 +147,7 @@ impl Shaper<'_> {
 
         // From here on in the chart, by exact predicates.
         let chart = Chart::new(self.vertices[point as usize], normal);
+        let allowed = flat / size;
         let flat = Flat::new(&chart, self.vertices, &all);
         let mut shape = shape;
         if !shape.is_convex {
@@ -168,7 +169,7 @@ impl Shaper<'_> {
                 normal,
                 point,
                 area,
-                width,
+                width: thickness,
             }]);
         }
         let triangles = flat.triangles(&shape)?;
@@ -176,18 +177,22 @@ impl Shaper<'_> {
             .into_iter()
             .filter_map(|triangle| self.triangle(triangle))
             .collect();
+        if polygons.is_empty() {
+            return Err(Refusal::Empty);
+        }
         self.findings.warning(
             Findings::surface(s),
             "non-planar",
             vec![name.to_owned()],
             format!(
-                "surface '{name}': not planar: a vertex lies {} off its plane, {} of its size (allowed {FLAT:e} of its size); split into {} triangles",
+                "surface '{name}': not planar: a vertex lies {} off its plane, {} of its size (allowed {} of its size); split into {} triangles",
                 self.units.length(deviation),
                 short(relative),
+                short(allowed),
                 polygons.len()
             ),
         );
-        self.findings.with_numbers(relative, FLAT);
+        self.findings.with_numbers(relative, allowed);
         Ok(polygons)
     }
 
@@ -613,57 +618,6 @@ fn check_holes(shape: &mut Shape, flat: &Flat) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// The loop without corners equal to the one before, around the end too.
-fn without_repeats(corners: &[u32]) -> Vec<u32> {
-    let mut kept = corners.to_vec();
-    kept.dedup();
-    while kept.len() > 1 && kept.first() == kept.last() {
-        kept.pop();
-    }
-    kept
-}
-
-/// Takes a loop apart where it runs along an edge in both directions.
-fn open_keyholes(corners: &[u32]) -> Vec<Vec<u32>> {
-    let mut open = vec![without_repeats(corners)];
-    let mut parts = Vec::new();
-    while let Some(corners) = open.pop() {
-        if corners.len() < 3 {
-            continue;
-        }
-        let Some((i, j)) = doubled_edge(&corners) else {
-            parts.push(corners);
-            continue;
-        };
-        // … a | b … | b a …: the part between, and what remains.
-        let inner = without_repeats(&corners[i + 1..j]);
-        let mut outer = corners[..=i].to_vec();
-        outer.extend(corners.iter().skip(j + 2));
-        open.push(inner);
-        open.push(without_repeats(&outer));
-    }
-    parts
-}
-
-/// The first two edges i < j of a loop between the same corners in opposite
-/// directions.
-fn doubled_edge(corners: &[u32]) -> Option<(usize, usize)> {
-    let n = corners.len();
-    let mut edges: Vec<(u32, u32, usize)> = (0..n)
-        .map(|i| {
-            let (a, b) = (corners[i], corners[(i + 1) % n]);
-            (a.min(b), a.max(b), i)
-        })
-        .collect();
-    edges.sort_unstable();
-    edges
-        .windows(2)
-        .filter(|pair| (pair[0].0, pair[0].1) == (pair[1].0, pair[1].1))
-        .map(|pair| (pair[0].2, pair[1].2))
-        .filter(|&(i, j)| corners[i] != corners[j])
-        .min()
-}
-
 /// The first corner and the corner farthest from it.
 fn longest(positions: &[DVec3]) -> (DVec3, DVec3) {
     let first = positions[0];
@@ -685,165 +639,4 @@ fn width(positions: &[DVec3]) -> f64 {
         .iter()
         .map(|&p| (p - first).cross(far - first).length() / length)
         .fold(0.0, f64::max)
-}
-
-/// An edge of a surface in its chart: its loop, and its corners by local number.
-#[derive(Clone, Copy, Debug)]
-struct Segment {
-    in_loop: usize,
-    ends: [usize; 2],
-}
-
-/// The corners of a surface in its chart.
-struct Flat {
-    chart: Chart,
-    /// Sorted vertex ids; local numbers are positions in it.
-    ids: Vec<u32>,
-    points: Vec<DVec2>,
-}
-
-impl Flat {
-    fn new(chart: &Chart, vertices: &[DVec3], corners: &[u32]) -> Self {
-        let mut ids = corners.to_vec();
-        ids.sort_unstable();
-        ids.dedup();
-        let points = ids
-            .iter()
-            .map(|&v| chart.to_chart(vertices[v as usize]))
-            .collect();
-        Self {
-            chart: *chart,
-            ids,
-            points,
-        }
-    }
-
-    fn local(&self, corners: &[u32]) -> Vec<usize> {
-        corners
-            .iter()
-            .map(|v| self.ids.binary_search(v).unwrap_or(0))
-            .collect()
-    }
-
-    fn points(&self, corners: &[u32]) -> Vec<DVec2> {
-        self.local(corners)
-            .into_iter()
-            .map(|i| self.points[i])
-            .collect()
-    }
-
-    fn loops(&self, shape: &Shape) -> Vec<Vec<usize>> {
-        std::iter::once(&shape.outline)
-            .chain(&shape.holes)
-            .map(|l| self.local(l))
-            .collect()
-    }
-
-    fn segment(&self, segment: Segment) -> [DVec2; 2] {
-        segment.ends.map(|i| self.points[i])
-    }
-
-    /// Two edges that cross or overlap, if there are any.
-    fn first_crossing(&self, shape: &Shape) -> Option<(Segment, Segment)> {
-        let mut segments: Vec<Segment> = Vec::new();
-        for (in_loop, corners) in self.loops(shape).into_iter().enumerate() {
-            for i in 0..corners.len() {
-                let ends = [corners[i], corners[(i + 1) % corners.len()]];
-                segments.push(Segment { in_loop, ends });
-            }
-        }
-        let span = |s: &Segment, axis: usize| {
-            let [a, b] = self.segment(*s).map(|p| p.to_array()[axis]);
-            (a.min(b), a.max(b))
-        };
-        segments.sort_by(|s, t| span(s, 0).0.total_cmp(&span(t, 0).0));
-        for (i, s) in segments.iter().enumerate() {
-            let (end, (low, high)) = (span(s, 0).1, span(s, 1));
-            for t in segments[i + 1..].iter().take_while(|t| span(t, 0).0 <= end) {
-                let (other_low, other_high) = span(t, 1);
-                if other_low > high || other_high < low {
-                    continue;
-                }
-                let ([a, b], [c, d]) = (self.segment(*s), self.segment(*t));
-                if segments_cross(a, b, c, d) {
-                    return Some((*s, *t));
-                }
-            }
-        }
-        None
-    }
-
-    fn pieces(&self, shape: &Shape) -> Result<Vec<Vec<u32>>, Refusal> {
-        if shape.is_convex {
-            return Ok(vec![shape.outline.clone()]);
-        }
-        let pieces = convex_pieces(&self.points, &self.loops(shape)).ok_or_else(crosses)?;
-        let global: Vec<Vec<u32>> = pieces
-            .iter()
-            .map(|p| p.iter().map(|&i| self.ids[i]).collect())
-            .collect();
-        self.check_area(shape, &global)?;
-        Ok(global)
-    }
-
-    fn triangles(&self, shape: &Shape) -> Result<Vec<[u32; 3]>, Refusal> {
-        let mut edges: Vec<[u32; 2]> = Vec::new();
-        for corners in self.loops(shape) {
-            for i in 0..corners.len() {
-                edges.push([corners[i] as u32, corners[(i + 1) % corners.len()] as u32]);
-            }
-        }
-        let triangles = cdt::triangulate(&self.points, &edges)
-            .map_err(|_| crosses())?
-            .triangles;
-        let mut boundary: Vec<(u32, u32)> =
-            edges.iter().map(|&[a, b]| (a.min(b), a.max(b))).collect();
-        boundary.sort_unstable();
-        let inside =
-            cdt::inside_by_parity(&triangles, |a, b| boundary.binary_search(&(a, b)).is_ok());
-        let kept: Vec<[u32; 3]> = triangles
-            .iter()
-            .zip(inside)
-            .filter(|(_, inside)| *inside)
-            .map(|(triangle, _)| triangle.map(|i| self.ids[i as usize]))
-            .collect();
-        self.check_area(shape, &kept)?;
-        Ok(kept)
-    }
-
-    /// The parts make up the whole: a loop that winds differently does not pass.
-    fn check_area<P: AsRef<[u32]>>(&self, shape: &Shape, parts: &[P]) -> Result<(), Refusal> {
-        let area = |corners: &[u32]| signed_area(&self.points(corners));
-        let loops = std::iter::once(&shape.outline).chain(&shape.holes);
-        let whole: f64 = loops.map(|corners| area(corners)).sum();
-        let size = self.points.iter().map(|p| p.length()).fold(0.0, f64::max);
-        let sum: f64 = parts.iter().map(|part| area(part.as_ref())).sum();
-        // A part in 10⁹, or rounding where the polygon is narrow.
-        let allowed = 1e-9 * sum + size * WELD_TOLERANCE;
-        if (whole - sum).abs() <= allowed {
-            Ok(())
-        } else {
-            Err(crosses())
-        }
-    }
-}
-
-fn crosses() -> Refusal {
-    Refusal::Bad(
-        "self-intersecting",
-        "the outline or a hole crosses or touches itself (allowed 0 crossings)".to_owned(),
-    )
-}
-
-/// A point where two edges meet, for the eye.
-fn crossing_point(s: &[DVec2; 2], t: &[DVec2; 2], flat: &Flat) -> DVec3 {
-    let ([a, b], [c, d]) = (*s, *t);
-    let along = b - a;
-    let turn = along.perp_dot(d - c);
-    let at = if turn == 0.0 {
-        0.5
-    } else {
-        ((c - a).perp_dot(d - c) / turn).clamp(0.0, 1.0)
-    };
-    flat.chart.to_space(a + at * along)
 }
