@@ -129,37 +129,49 @@ fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |m, v| f64::max(m, v.abs()))
 }
 
-/// Total irradiance in the first band at the points of a case, and what is known.
-fn solved(case: &Case) -> Vec<(f64, f64)> {
-    assert_eq!(case.kind, "radiosity", "{}", case.id);
+/// Total irradiance in the first band at a point of a case, and what is known.
+struct Compared {
+    point: String,
+    got: f64,
+    want: f64,
+}
+
+fn solved(id: &str) -> (Case, Vec<Compared>) {
+    let case = folder("radiosity").into_iter().find(|c| c.id == id).expect("the case is there");
+    assert_eq!(case.kind, "radiosity", "{id}");
     let scene = build(&case.scene);
     let solved = antumbra::solve(&scene, &Options::default(), &Control::default())
-        .unwrap_or_else(|e| panic!("{}: {e}", case.id));
-    case.points
+        .unwrap_or_else(|e| panic!("{id}: {e}"));
+    let compared = case.points.iter().zip(&case.values).map(|(probe, &want)| {
+        let Probe::Surface(surface, point) = probe else {
+            panic!("{id}: a mesh has no free sensors")
+        };
+        let place = values::place(&scene, surface, *point).unwrap_or_else(|e| panic!("{id}: {e}"));
+        let got = values::solved(&solved.radiosity, &place)
+            .unwrap_or_else(|| panic!("{id}: ({point}) is in no element"));
+        Compared { point: format!("{surface} {point}"), got: got[0], want }
+    });
+    let compared = compared.collect();
+    (case, compared)
+}
+
+/// The points that are off by more than `allowed`, relative to the peak.
+fn wrong(compared: &[Compared], allowed: f64) -> Vec<String> {
+    let peak = compared.iter().fold(0.0, |m, c| f64::max(m, c.want.abs()));
+    compared
         .iter()
-        .zip(&case.values)
-        .map(|(probe, &want)| {
-            let Probe::Surface(surface, point) = probe else {
-                panic!("{}: a mesh has no free sensors", case.id)
-            };
-            let place = values::place(&scene, surface, *point)
-                .unwrap_or_else(|e| panic!("{}: {e}", case.id));
-            let got = values::solved(&solved.radiosity, &place)
-                .unwrap_or_else(|| panic!("{}: ({point}) is in no element", case.id));
-            (got[0], want)
+        .filter(|c| (c.got - c.want).abs() > allowed * peak || c.got.is_nan())
+        .map(|c| {
+            let off = (c.got - c.want).abs() / peak;
+            format!("{}: {} is not {}, off by {off:.1e} of the peak", c.point, c.got, c.want)
         })
         .collect()
 }
 
-fn worst_relative_to_peak(pairs: &[(f64, f64)]) -> f64 {
-    let peak = pairs.iter().fold(0.0, |m, p| f64::max(m, p.1.abs()));
-    pairs.iter().fold(0.0, |m, (got, want)| f64::max(m, (got - want).abs() / peak))
-}
-
 fn interreflection_agrees(id: &str) {
-    let case = folder("radiosity").into_iter().find(|c| c.id == id).expect("the case is there");
-    let worst = worst_relative_to_peak(&solved(&case));
-    assert!(worst <= case.rtol, "{id}: worst {worst:.2e} of the peak, allowed {:.0e}", case.rtol);
+    let (case, compared) = solved(id);
+    let wrong = wrong(&compared, case.rtol);
+    assert!(wrong.is_empty(), "{id}, allowed {:.0e}:\n  {}", case.rtol, wrong.join("\n  "));
 }
 
 #[test]
@@ -173,24 +185,33 @@ fn furnace_room_with_reflex_corner_has_radiosity_one_everywhere() {
 }
 
 #[test]
+#[ignore = "takes minutes with the checks on"]
 fn furnace_room_with_two_floating_cubes_has_radiosity_one_everywhere() {
     interreflection_agrees("R2c");
 }
 
 #[test]
-fn empty_boxes_agree_with_the_continuous_solution() {
-    for id in ["R6.1", "R6.2", "R6.3"] {
-        interreflection_agrees(id);
-    }
+fn empty_cube_agrees_with_the_continuous_solution() {
+    interreflection_agrees("R6.1");
 }
 
-/// The answer is a path tracer's: its noise, and not the engine, sets the bound.
 #[test]
-fn cornell_box_agrees_with_path_tracing() {
-    let mut cases = folder("radiosity");
-    cases.retain(|c| c.id == "R8_cornell_planar");
-    let pairs = solved(&cases[0]);
-    let square: f64 = pairs.iter().map(|(got, want)| ((got - want) / want).powi(2)).sum();
-    let rms = (square / pairs.len() as f64).sqrt();
-    assert!(rms <= 0.02, "rms of the relative differences is {rms:.2e}: {pairs:?}");
+fn empty_cube_with_bright_walls_agrees_with_the_continuous_solution() {
+    interreflection_agrees("R6.2");
+}
+
+#[test]
+fn empty_flat_room_agrees_with_the_continuous_solution() {
+    interreflection_agrees("R6.3");
+}
+
+/// The answer is a path tracer's: its noise, about 1e-3, and not the engine sets
+/// the bound. Behind the lamp it is almost dark.
+#[test]
+fn cornell_box_agrees_with_path_tracing_and_is_nowhere_negative() {
+    let (_, compared) = solved("R8_cornell_planar");
+    let mut wrong = wrong(&compared, 2e-3);
+    let negative = compared.iter().filter(|c| c.got < 0.0);
+    wrong.extend(negative.map(|c| format!("{}: {} is negative", c.point, c.got)));
+    assert!(wrong.is_empty(), "\n  {}", wrong.join("\n  "));
 }

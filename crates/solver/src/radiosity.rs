@@ -121,6 +121,18 @@ struct Layer {
 }
 
 impl Layer {
+    /// Is an element of the mesh of direct light coarser than the layer there? A
+    /// finer one could only follow the layer's own kinks.
+    fn is_coarser(&self, receiver: usize, field: &Field, t: usize) -> bool {
+        let own = &self.fields[receiver];
+        let Some((element, _)) =
+            self.locators[receiver].locate(&own.mesh, field.point(t, [1.0 / 3.0; 3]))
+        else {
+            return false;
+        };
+        field.longest_edge(t) > own.longest_edge(element as usize)
+    }
+
     fn indirect_at(&self, receiver: usize, uv: DVec2) -> Option<Vec<f64>> {
         let field = &self.fields[receiver];
         let (t, at) = self.locators[receiver].locate(&field.mesh, uv)?;
@@ -253,6 +265,9 @@ fn carry_over(
             .map(|(r, field)| {
                 let mut errors = vec![0.0f64; field.mesh.triangles.len() * field.n_bands];
                 for t in 0..field.mesh.triangles.len() {
+                    if !layer.is_coarser(r, field, t) {
+                        continue;
+                    }
                     for at in CHECK_POINTS {
                         let Some(wanted) = layer.indirect_at(r, field.point(t, at)) else { continue };
                         for (band, wanted) in wanted.iter().enumerate() {
@@ -417,8 +432,14 @@ impl Seen<'_> {
             self.add_triangle([fragment[0], fragment[1], fragment[2]], factor, 0, row);
             return;
         }
-        for k in 1..fragment.len() - 1 {
-            let triangle = [fragment[0], fragment[k], fragment[k + 1]];
+        // A fan around the corner nearest to the point: where the element touches
+        // the point, other fans have triangles that span half of the sky.
+        let n = fragment.len();
+        let apex = (0..n)
+            .min_by(|&i, &j| fragment[i].length_squared().total_cmp(&fragment[j].length_squared()))
+            .unwrap_or(0);
+        for k in 1..n - 1 {
+            let triangle = [fragment[apex], fragment[(apex + k) % n], fragment[(apex + k + 1) % n]];
             let factor = contour_sum(&triangle, self.normal);
             self.add_triangle(triangle, factor, 0, row);
         }

@@ -401,20 +401,25 @@ impl<'s> Evaluator<'s> {
         }
 
         // The source relative to the point, above the horizon.
-        let whole = relative_source(source, point, approach, &mut scratch.fragments);
-        let reach_sq = scratch
-            .fragments
-            .corners(whole)
+        let parts = relative_source(source, point, approach, &mut scratch.fragments);
+        let reach = source
+            .corners
             .iter()
-            .fold(0.0f64, |m, x| m.max(x.length_squared()));
-        let reach = reach_sq.sqrt();
+            .fold(0.0f64, |most, &c| most.max((c - point).length_squared()))
+            .sqrt();
         let horizon =
             HalfSpace { normal: view.normal, offset: 0.0, tolerance: 16.0 * f64::EPSILON * reach };
-        let lit = match scratch.fragments.position(whole, &horizon) {
-            Position::Outside => return 0.0,
-            Position::Inside => whole,
-            Position::Straddles => scratch.fragments.split(whole, &horizon).0,
-        };
+        let lit: smallvec::SmallVec<[Fragment; 4]> = parts
+            .into_iter()
+            .filter_map(|part| match scratch.fragments.position(part, &horizon) {
+                Position::Outside => None,
+                Position::Inside => Some(part),
+                Position::Straddles => Some(scratch.fragments.split(part, &horizon).0),
+            })
+            .collect();
+        if lit.is_empty() {
+            return 0.0;
+        }
 
         // The cones of all candidates.
         let add = |piece: u32, scratch: &mut Scratch| {
@@ -448,19 +453,25 @@ impl<'s> Evaluator<'s> {
         }
         scratch.n_cones += scratch.cones.len() as u64;
 
+        let unoccluded: f64 = lit
+            .iter()
+            .map(|&part| contour_sum(scratch.fragments.corners(part), view.normal))
+            .sum();
         if scratch.cones.is_empty() {
-            scratch.visible.push(lit);
-            return contour_sum(scratch.fragments.corners(lit), view.normal).max(0.0);
+            scratch.visible.extend(lit);
+            return unoccluded.max(0.0);
         }
         let everything: smallvec::SmallVec<[u32; 32]> = (0..scratch.cones.len() as u32).collect();
         let mut hidden = Hidden::new(view.normal);
-        visible_of(scratch, lit, &everything, 0, &mut hidden);
+        for part in lit {
+            visible_of(scratch, part, &everything, 0, &mut hidden);
+        }
         let mut factor = 0.0;
         for &fragment in &scratch.visible {
             factor += contour_sum(scratch.fragments.corners(fragment), view.normal);
         }
-        hidden.audit(factor, contour_sum(scratch.fragments.corners(lit), view.normal));
-        factor.max(0.0)
+        hidden.audit(factor, unoccluded);
+        factor.clamp(0.0, unoccluded.max(0.0))
     }
 
     /// Candidates of one point: pieces whose box meets the pyramid from the point
@@ -511,31 +522,42 @@ fn is_in_front(source: &Source<'_>, point: DVec3, approach: Option<&Approach>) -
     height > 8.0 * f64::EPSILON * to_point.abs().max_element().max(point.abs().max_element())
 }
 
-/// The source relative to the point. Where the source touches the point, the
-/// touching place is seen in the direction opposite to the approach: that
-/// direction stands in its outline, at a vanishing distance.
+/// The source relative to the point, as convex fragments. Where the source touches
+/// the point, the touching place is seen in the direction opposite to the
+/// approach: that direction stands in its outline, at a vanishing distance. A
+/// source that has the point inside is a fan around that direction.
 fn relative_source(
     source: &Source<'_>,
     point: DVec3,
     approach: Option<&Approach>,
     fragments: &mut Fragments,
-) -> Fragment {
+) -> smallvec::SmallVec<[Fragment; 4]> {
+    let corners: smallvec::SmallVec<[DVec3; 8]> =
+        source.corners.iter().map(|&c| c - point).collect();
     let Some(approach) = approach else {
-        return fragments.push(source.corners.iter().map(|&c| c - point));
+        return smallvec::smallvec![fragments.push(corners)];
     };
     let r_sq = approach.radius * approach.radius;
     let behind = -approach.toward * (approach.radius * 1e-3);
-    let n = source.corners.len();
-    let mut corners: smallvec::SmallVec<[DVec3; 8]> = smallvec::SmallVec::new();
+    let n = corners.len();
+    let edge = |i: usize| (corners[i], corners[(i + 1) % n]);
+    let touches_plane = source.normal.dot(corners[0]).abs() <= approach.radius;
+    let touches_edge =
+        (0..n).any(|i| distance_to_segment_sq(edge(i).0, edge(i).1 - edge(i).0) <= r_sq);
+    let is_inside = (0..n).all(|i| edge(i).0.cross(edge(i).1).dot(source.normal) > 0.0);
+    if touches_plane && !touches_edge && is_inside {
+        return (0..n).map(|i| fragments.push([behind, edge(i).0, edge(i).1])).collect();
+    }
+    let mut outline: smallvec::SmallVec<[DVec3; 8]> = smallvec::SmallVec::new();
     for i in 0..n {
-        let (a, b) = (source.corners[i] - point, source.corners[(i + 1) % n] - point);
+        let (a, b) = edge(i);
         let (a_touches, b_touches) = (a.length_squared() <= r_sq, b.length_squared() <= r_sq);
-        corners.push(if a_touches { behind } else { a });
+        outline.push(if a_touches { behind } else { a });
         if !a_touches && !b_touches && distance_to_segment_sq(a, b - a) <= r_sq {
-            corners.push(behind);
+            outline.push(behind);
         }
     }
-    fragments.push(corners)
+    smallvec::smallvec![fragments.push(outline)]
 }
 
 /// The parts of `fragment` that none of the cones in `list` holds, pushed to

@@ -1,0 +1,66 @@
+//! Same input, same bytes: however many threads share the work.
+
+use antumbra::{Control, DirectSolution, Options, Tolerance};
+use antumbra_tests::cases::{build, fixture};
+
+const SCENES: [&str; 4] =
+    ["basic/two-triangles", "alignment/box-under-rectangle", "contact/table", "penetration/crossing-triangles"];
+
+/// Runs in a pool of its own.
+fn with_threads<T: Send>(n: usize, work: impl FnOnce() -> T + Send) -> T {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads start");
+    pool.install(work)
+}
+
+/// Everything a mesh says, bit by bit.
+fn bits(solution: &DirectSolution) -> Vec<u64> {
+    let mut all = Vec::new();
+    for mesh in &solution.receivers {
+        all.extend(mesh.element_nodes.iter().map(|&n| u64::from(n)));
+        all.extend(mesh.nodes.iter().flat_map(|p| [p.x.to_bits(), p.y.to_bits()]));
+        let values = mesh.direct.iter().chain(&mesh.irradiance).chain(&mesh.element_errors);
+        all.extend(values.map(|v| v.to_bits()));
+        all.push(mesh.exact_evaluations);
+    }
+    all.extend(solution.peak.iter().map(|v| v.to_bits()));
+    all.push(solution.measured_max_error.to_bits());
+    all.push(solution.measured_rms_error.to_bits());
+    all
+}
+
+#[test]
+fn meshes_are_bit_identical_for_any_number_of_threads() {
+    for name in SCENES {
+        let scene = build(&fixture(name));
+        let run = || {
+            let meshed = antumbra::mesh(&scene, &Options::default(), &Control::default());
+            bits(&meshed.unwrap_or_else(|e| panic!("{name}: {e}")).direct)
+        };
+        let one = with_threads(1, run);
+        for n in [2, 7] {
+            assert!(with_threads(n, run) == one, "{name}: {n} threads mesh differently from one");
+        }
+    }
+}
+
+#[test]
+fn solutions_are_bit_identical_for_any_number_of_threads() {
+    let options = Options { tolerance: Tolerance::Relative(1e-2), ..Options::default() };
+    for name in SCENES {
+        let scene = build(&fixture(name));
+        let run = || {
+            let solved = antumbra::solve(&scene, &options, &Control::default());
+            let radiosity = solved.unwrap_or_else(|e| panic!("{name}: {e}")).radiosity;
+            let mut all = bits(&radiosity.meshes);
+            all.extend([radiosity.iterations as u64, radiosity.residual.to_bits()]);
+            let power = &radiosity.power;
+            let watts = power.emitted.iter().chain(&power.absorbed).chain(&power.escaped);
+            all.extend(watts.map(|v| v.to_bits()));
+            all
+        };
+        let one = with_threads(1, run);
+        for n in [2, 7] {
+            assert!(with_threads(n, run) == one, "{name}: {n} threads solve differently from one");
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! Where no light can get, there is none: exactly 0, however the scene lies.
+
+use antumbra::{Control, Options, SceneInput};
+use antumbra_tests::cases::{build, fixture};
+use antumbra_tests::motion::Motion;
+use antumbra_tests::scenes::{Facing, add_box, add_horizontal, add_room, empty, exact, only_face, points_on};
+use glam::{DVec3, dvec3};
+
+/// The scene as it stands, and turned so that no coordinate survives.
+fn poses() -> [Motion; 2] {
+    [Motion::IDENTITY, Motion::skew()]
+}
+
+/// A parallelogram of a surface that must be dark.
+struct Dark {
+    surface: String,
+    origin: DVec3,
+    u: DVec3,
+    v: DVec3,
+}
+
+fn dark(surface: &str, origin: DVec3, u: DVec3, v: DVec3) -> Dark {
+    Dark { surface: surface.to_owned(), origin, u, v }
+}
+
+/// Exact values at `n` points of every region are 0.
+fn is_dark_at_points(scene: &SceneInput, regions: &[Dark], n: usize) {
+    for motion in poses() {
+        let scene = motion.scene(scene);
+        for region in regions {
+            let points: Vec<DVec3> = points_on(region.origin, region.u, region.v, n)
+                .into_iter()
+                .map(|p| motion.point(p))
+                .collect();
+            for (p, e) in points.iter().zip(exact(&scene, &region.surface, &points)) {
+                assert!(e == 0.0, "{e} leaks onto {} at {p}", region.surface);
+            }
+        }
+    }
+}
+
+/// Every node of a surface's mesh is 0.
+fn is_dark_in_mesh(scene: &SceneInput, surfaces: &[&str]) {
+    for motion in poses() {
+        let scene = build(&motion.scene(scene));
+        let meshed = antumbra::mesh(&scene, &Options::default(), &Control::default())
+            .unwrap_or_else(|e| panic!("{e}"));
+        for name in surfaces {
+            let mesh = &meshed.direct.receivers[only_face(&scene, name).index()];
+            let lit = mesh.direct.iter().filter(|&&e| e != 0.0).count();
+            assert!(lit == 0, "{lit} of {} nodes of {name} are lit", mesh.direct.len());
+        }
+    }
+}
+
+/// Every element of a surface's mesh whose middle lies in the region is 0 at all
+/// of its nodes, also at those that it shares with its lit neighbours.
+fn is_dark_in_elements(scene: &SceneInput, region: &Dark) {
+    for motion in poses() {
+        let scene = build(&motion.scene(scene));
+        let meshed = antumbra::mesh(&scene, &Options::default(), &Control::default())
+            .unwrap_or_else(|e| panic!("{e}"));
+        let mesh = &meshed.direct.receivers[only_face(&scene, &region.surface).index()];
+        let (u_sq, v_sq) = (region.u.length_squared(), region.v.length_squared());
+        let back = Motion { rotation: motion.rotation.transpose(), ..motion };
+        let mut n_inside = 0;
+        for t in 0..mesh.n_elements() {
+            let nodes = mesh.nodes_of(t);
+            let corner = |k: usize| mesh.chart.to_space(mesh.nodes[nodes[k] as usize]);
+            let middle = (corner(0) + corner(1) + corner(2)) / 3.0;
+            let p = back.point(scene.frame.to_file(middle)) - region.origin;
+            let (s, t) = (p.dot(region.u) / u_sq, p.dot(region.v) / v_sq);
+            if !(s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0) {
+                continue;
+            }
+            n_inside += 1;
+            for &node in nodes {
+                let e = mesh.direct[node as usize];
+                let p = scene.frame.to_file(mesh.chart.to_space(mesh.nodes[node as usize]));
+                assert!(e == 0.0, "{e} leaks onto {} at the node {}", region.surface, back.point(p));
+            }
+        }
+        assert!(n_inside > 0, "no element of {} lies in the dark region", region.surface);
+    }
+}
+
+fn sides(name: &str, min: DVec3, max: DVec3) -> Vec<Dark> {
+    let (x, y, z) = (
+        DVec3::X * (max.x - min.x),
+        DVec3::Y * (max.y - min.y),
+        DVec3::Z * (max.z - min.z),
+    );
+    vec![
+        dark(&format!("{name}.x0"), min, y, z),
+        dark(&format!("{name}.x1"), min + x, y, z),
+        dark(&format!("{name}.y0"), min, x, z),
+        dark(&format!("{name}.y1"), min + y, x, z),
+        dark(&format!("{name}.z0"), min, x, y),
+        dark(&format!("{name}.z1"), min + z, x, y),
+    ]
+}
+
+#[test]
+fn closed_box_lit_from_outside_is_dark_inside() {
+    let scene = fixture("contact/closed-box-lit-from-outside");
+    let inside = sides("in", dvec3(-0.5, -0.5, 0.5), dvec3(0.5, 0.5, 1.5));
+    is_dark_at_points(&scene, &inside, 1000);
+    let names: Vec<&str> = inside.iter().map(|d| d.surface.as_str()).collect();
+    is_dark_in_mesh(&scene, &names);
+}
+
+#[test]
+fn room_with_a_single_sheet_of_walls_is_dark_inside() {
+    // One-sided faces that look inwards, lit from behind: nothing else hides the
+    // lamp.
+    let mut scene = empty();
+    add_horizontal(&mut scene, "lamp", "lamp", ([-2.0, 2.0], [-2.0, 2.0], 3.0), Facing::Down);
+    let (min, max) = (dvec3(-0.375, -0.625, 0.25), dvec3(0.5, 0.25, 1.375));
+    add_room(&mut scene, "in", "grey", min, max);
+    let inside = sides("in", min, max);
+    is_dark_at_points(&scene, &inside, 500);
+    let names: Vec<&str> = inside.iter().map(|d| d.surface.as_str()).collect();
+    is_dark_in_mesh(&scene, &names);
+}
+
+#[test]
+fn floor_under_a_box_that_stands_on_it_is_dark() {
+    for name in ["contact/box-on-floor", "contact/box-without-bottom-on-floor"] {
+        let under = dark("floor", dvec3(-0.5, -0.25, 0.0), DVec3::X, DVec3::Y * 0.625);
+        let scene = fixture(name);
+        is_dark_at_points(&scene, std::slice::from_ref(&under), 1000);
+        is_dark_in_elements(&scene, &under);
+    }
+}
+
+#[test]
+fn floor_inside_a_box_that_goes_through_it_is_dark() {
+    let scene = fixture("penetration/box-through-floor");
+    let inside = dark("floor", dvec3(-0.375, -0.25, 0.0), DVec3::X * 0.875, DVec3::Y * 0.5625);
+    is_dark_at_points(&scene, std::slice::from_ref(&inside), 1000);
+    is_dark_in_elements(&scene, &inside);
+}
+
+#[test]
+fn wall_behind_a_panel_is_dark() {
+    let scene = fixture("contact/panel-on-wall");
+    let behind = dark("wall", dvec3(-0.75, 2.0, 1.0), DVec3::X * 1.25, DVec3::Z);
+    is_dark_at_points(&scene, std::slice::from_ref(&behind), 1000);
+    is_dark_in_elements(&scene, &behind);
+}
+
+#[test]
+fn floor_beyond_a_thick_wall_is_dark_and_so_is_the_floor_under_it() {
+    let scene = fixture("contact/thick-wall");
+    let beyond = dark("floor", dvec3(-0.125, -1.0, 0.0), DVec3::X * 2.125, DVec3::Y * 2.0);
+    is_dark_at_points(&scene, std::slice::from_ref(&beyond), 1000);
+    is_dark_in_elements(&scene, &beyond);
+    is_dark_in_mesh(&scene, &["wall.x1"]);
+}
+
+#[test]
+fn second_of_two_rooms_with_one_floor_is_dark() {
+    let scene = fixture("contact/two-rooms-one-floor");
+    let room = [
+        dark("floor", dvec3(0.0, -1.0, 0.0), DVec3::X * 2.0, DVec3::Y * 2.0),
+        dark("ceiling", dvec3(0.0, -1.0, 2.0), DVec3::X * 2.0, DVec3::Y * 2.0),
+        dark("y0", dvec3(0.0, -1.0, 0.0), DVec3::X * 2.0, DVec3::Z * 2.0),
+        dark("y1", dvec3(0.0, 1.0, 0.0), DVec3::X * 2.0, DVec3::Z * 2.0),
+        dark("x1", dvec3(2.0, -1.0, 0.0), DVec3::Y * 2.0, DVec3::Z * 2.0),
+    ];
+    is_dark_at_points(&scene, &room, 500);
+    room.iter().for_each(|region| is_dark_in_elements(&scene, region));
+    is_dark_in_mesh(&scene, &["x1"]);
+}
+
+#[test]
+fn floor_under_a_table_leg_is_dark() {
+    let scene = fixture("contact/table");
+    let under = dark("floor", dvec3(-0.75, -0.5, 0.0), DVec3::X / 32.0, DVec3::Y / 32.0);
+    is_dark_at_points(&scene, std::slice::from_ref(&under), 1000);
+    is_dark_in_elements(&scene, &under);
+}
+
+#[test]
+fn floor_under_a_leg_of_a_thousandth_is_dark() {
+    let mut scene = empty();
+    add_horizontal(&mut scene, "floor", "grey", ([-2.0, 2.0], [-2.0, 2.0], 0.0), Facing::Up);
+    add_horizontal(&mut scene, "lamp", "lamp", ([-1.0, 1.0], [-1.0, 1.0], 3.0), Facing::Down);
+    let (width, height) = (1.0 / 512.0, 0.75);
+    add_box(&mut scene, "leg", "grey", dvec3(0.25, 0.375, 0.0), dvec3(0.25 + width, 0.375 + width, height));
+    let under = dark("floor", dvec3(0.25, 0.375, 0.0), DVec3::X * width, DVec3::Y * width);
+    is_dark_at_points(&scene, std::slice::from_ref(&under), 1000);
+    is_dark_in_elements(&scene, &under);
+}
+
+#[test]
+fn floor_behind_a_lamp_that_stands_on_it_gets_no_light() {
+    let scene = fixture("contact/lamp-standing-on-floor");
+    // The lamp looks to −x from x = ¼.
+    let behind = dark("floor", dvec3(0.25, -2.0, 0.0), DVec3::X * 1.75, DVec3::Y * 4.0);
+    is_dark_at_points(&scene, std::slice::from_ref(&behind), 1000);
+    is_dark_in_elements(&scene, &behind);
+}
