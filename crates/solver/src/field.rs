@@ -656,7 +656,8 @@ enum NodeSide {
     Both,
     /// Inside a corner of the border without contact.
     Border,
-    /// Left of a contact or border, in the direction of growing u (then v).
+    /// Left of a contact or border, in its direction with a positive component along
+    /// a fixed reference.
     Left,
     /// Right of it.
     Right,
@@ -666,8 +667,10 @@ enum NodeSide {
 
 impl NodeSide {
     fn of(line: DVec2, at: DVec2, centroid: DVec2) -> Self {
-        // The same side for both directions of the line.
-        let line = if line.x < 0.0 || (line.x == 0.0 && line.y < 0.0) { -line } else { line };
+        // The same side for both directions of the line, whatever their rounding:
+        // lines perpendicular to this direction are not to be expected.
+        let reference = DVec2::new(0.812_347, 0.583_173);
+        let line = if line.dot(reference) < 0.0 { -line } else { line };
         if line.perp_dot(centroid - at) > 0.0 { Self::Left } else { Self::Right }
     }
 }

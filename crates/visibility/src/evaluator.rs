@@ -96,6 +96,8 @@ pub struct Scratch {
     cone_corners: Vec<DVec3>,
     visible: Vec<Fragment>,
     found: Vec<u32>,
+    /// Features of an occluder this near to the point touch it.
+    slack: f64,
     /// Occluders whose cones were cut against, for profiling: a count, not a time.
     pub n_cones: u64,
 }
@@ -400,6 +402,9 @@ impl<'s> Evaluator<'s> {
             return 0.0;
         }
 
+        scratch.slack =
+            approach.map_or(0.0, |a| 4.0 * a.radius) + self.scene.plane_tolerance();
+
         // The source relative to the point, above the horizon.
         let parts = relative_source(source, point, approach, &mut scratch.fragments);
         let reach = source
@@ -571,7 +576,7 @@ fn visible_of(
 ) {
     // Which cones can hide a part of this fragment?
     let mut relevant: smallvec::SmallVec<[u32; 32]> = smallvec::SmallVec::new();
-    let sides = if list.len() > 2 { pyramid(scratch.fragments.corners(fragment)) } else { Sides::new() };
+    let sides = if list.len() > 2 { pyramid(scratch.fragments.corners(fragment), scratch.slack) } else { Sides::new() };
     for &c in list {
         match coverage(scratch, fragment, c, &sides) {
             Coverage::Nothing => {}
@@ -623,13 +628,20 @@ enum Coverage {
     All,
 }
 
-/// The inward normals of the pyramid from the point to a fragment.
-type Sides = smallvec::SmallVec<[DVec3; 8]>;
+/// The inward normals of the pyramid from the point to a fragment, and how far an
+/// occluder must be outside of each to be passed over.
+type Sides = smallvec::SmallVec<[(DVec3, f64); 8]>;
 
-fn pyramid(corners: &[DVec3]) -> Sides {
+/// * `slack` — a distance: occluders that touch the point are never passed over.
+fn pyramid(corners: &[DVec3], slack: f64) -> Sides {
     // Counter-clockwise seen from the point: inwards is next × this.
     let n = corners.len();
-    (0..n).map(|i| corners[if i + 1 == n { 0 } else { i + 1 }].cross(corners[i])).collect()
+    (0..n)
+        .map(|i| {
+            let side = corners[if i + 1 == n { 0 } else { i + 1 }].cross(corners[i]);
+            (side, slack * (side.x.abs() + side.y.abs() + side.z.abs()))
+        })
+        .collect()
 }
 
 /// How much of a fragment a cone can hide. Conservative: `Part` may be nothing.
@@ -638,7 +650,7 @@ fn coverage(scratch: &Scratch, fragment: Fragment, c: u32, sides: &Sides) -> Cov
     let corners =
         &scratch.cone_corners[cone.corners as usize..(cone.corners + cone.n_corners) as usize];
     // A side of the pyramid that has the whole occluder outside.
-    if sides.iter().any(|side| corners.iter().all(|q| side.dot(*q) < 0.0)) {
+    if sides.iter().any(|&(side, slack)| corners.iter().all(|q| side.dot(*q) < -slack)) {
         return Coverage::Nothing;
     }
     let halves = &scratch.halves[cone.halves as usize..(cone.halves + cone.n_halves) as usize];
