@@ -135,9 +135,15 @@ fn read_case(path: &Path) -> Case {
     let scene = scene_file::read(&file.scene.to_string())
         .unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let points = file.points.iter().map(|p| read_point(p)).collect();
-    let values = if file.kind == "radiosity" { file.irradiance } else { file.direct };
+    let values = if file.kind == "radiosity" {
+        file.irradiance
+    } else {
+        file.direct
+    };
     Case {
-        id: path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned()),
+        id: path
+            .file_stem()
+            .map_or_else(String::new, |s| s.to_string_lossy().into_owned()),
         kind: file.kind,
         scene,
         points,
@@ -151,7 +157,9 @@ fn read_case(path: &Path) -> Case {
 
 fn read_point(fields: &[serde_json::Value]) -> Probe {
     let number = |i: usize| -> f64 {
-        fields[i].as_f64().unwrap_or_else(|| panic!("a coordinate is no number: {}", fields[i]))
+        fields[i]
+            .as_f64()
+            .unwrap_or_else(|| panic!("a coordinate is no number: {}", fields[i]))
     };
     let vector = |i: usize| DVec3::new(number(i), number(i + 1), number(i + 2));
     let surface = fields[0].as_str().unwrap_or_default();

@@ -25,7 +25,10 @@ pub struct Sampled {
 /// their fronts only.
 #[must_use]
 pub fn sampled(scene: &SceneInput, point: DVec3, normal: DVec3, n: usize) -> Sampled {
-    let mut sum = Sampled { irradiance: 0.0, undecided: 0.0 };
+    let mut sum = Sampled {
+        irradiance: 0.0,
+        undecided: 0.0,
+    };
     for emitter in &scene.surfaces {
         let exitance = scene
             .materials
@@ -44,7 +47,13 @@ pub fn sampled(scene: &SceneInput, point: DVec3, normal: DVec3, n: usize) -> Sam
     sum
 }
 
-fn triangle(scene: &SceneInput, [a, b, c]: [DVec3; 3], point: DVec3, normal: DVec3, n: usize) -> Sampled {
+fn triangle(
+    scene: &SceneInput,
+    [a, b, c]: [DVec3; 3],
+    point: DVec3,
+    normal: DVec3,
+    n: usize,
+) -> Sampled {
     let (u, v) = ((b - a) / n as f64, (c - a) / n as f64);
     let doubled = u.cross(v);
     let area = doubled.length() / 2.0;
@@ -56,7 +65,10 @@ fn triangle(scene: &SceneInput, [a, b, c]: [DVec3; 3], point: DVec3, normal: DVe
         .collect();
     // Row i starts after the rows of n + 1, n, … corners before it.
     let seen = |i: usize, j: usize| is_seen[i * (n + 1) - i * i.saturating_sub(1) / 2 + j];
-    let mut sum = Sampled { irradiance: 0.0, undecided: 0.0 };
+    let mut sum = Sampled {
+        irradiance: 0.0,
+        undecided: 0.0,
+    };
     let mut cell = |corners: [(usize, usize); 3]| {
         let [p, q, r] = corners.map(|(i, j)| corner(i, j));
         let middle = (p + q + r) / 3.0;
@@ -95,8 +107,9 @@ fn is_visible(scene: &SceneInput, from: DVec3, to: DVec3) -> bool {
 /// its plane is not cut.
 fn cuts(surface: &SurfaceInput, from: DVec3, to: DVec3) -> bool {
     let v = &surface.vertices;
-    let normal: DVec3 =
-        (0..v.len()).map(|i| (v[i] - v[0]).cross(v[(i + 1) % v.len()] - v[0])).sum();
+    let normal: DVec3 = (0..v.len())
+        .map(|i| (v[i] - v[0]).cross(v[(i + 1) % v.len()] - v[0]))
+        .sum();
     let (p, q) = (normal.dot(from - v[0]), normal.dot(to - v[0]));
     let rounding = 1e-12 * normal.length() * (to - from).length();
     if p.abs() <= rounding || q.abs() <= rounding || (p > 0.0) == (q > 0.0) {
@@ -104,6 +117,7 @@ fn cuts(surface: &SurfaceInput, from: DVec3, to: DVec3) -> bool {
     }
     let hit = from + (to - from) * (p / (p - q));
     // Of one turn around the hit.
-    let turns = (0..v.len()).map(|i| normal.dot((v[i] - hit).cross(v[(i + 1) % v.len()] - hit)));
-    turns.fold(true, |inside, turn| inside && turn >= 0.0)
+    let mut turns =
+        (0..v.len()).map(|i| normal.dot((v[i] - hit).cross(v[(i + 1) % v.len()] - hit)));
+    turns.all(|turn| turn >= 0.0)
 }

@@ -32,12 +32,17 @@ struct HalfSpace {
 #[must_use]
 pub fn irradiance(scene: &SceneInput, point: DVec3, normal: DVec3) -> f64 {
     let p = exact(point);
-    let relative = |corners: &[DVec3]| -> Polygon {
-        corners.iter().map(|&c| minus(&exact(c), &p)).collect()
+    let relative =
+        |corners: &[DVec3]| -> Polygon { corners.iter().map(|&c| minus(&exact(c), &p)).collect() };
+    let polygons: Vec<Polygon> = scene
+        .surfaces
+        .iter()
+        .map(|s| relative(&s.vertices))
+        .collect();
+    let horizon = HalfSpace {
+        normal: exact(normal),
+        offset: RBig::ZERO,
     };
-    let polygons: Vec<Polygon> =
-        scene.surfaces.iter().map(|s| relative(&s.vertices)).collect();
-    let horizon = HalfSpace { normal: exact(normal), offset: RBig::ZERO };
     let unit = normal / normal.length();
     let mut sum = 0.0;
     for (surface, polygon) in scene.surfaces.iter().zip(&polygons) {
@@ -51,14 +56,25 @@ pub fn irradiance(scene: &SceneInput, point: DVec3, normal: DVec3) -> f64 {
             continue;
         }
         let (lit, _) = split(polygon, &horizon);
-        let mut visible: Vec<Polygon> = if lit.is_empty() { Vec::new() } else { vec![lit] };
+        let mut visible: Vec<Polygon> = if lit.is_empty() {
+            Vec::new()
+        } else {
+            vec![lit]
+        };
         for occluder in &polygons {
             let cone = cone(occluder);
             if !cone.is_empty() {
-                visible = visible.into_iter().flat_map(|part| subtract(part, &cone)).collect();
+                visible = visible
+                    .into_iter()
+                    .flat_map(|part| subtract(part, &cone))
+                    .collect();
             }
         }
-        sum += exitance * visible.iter().map(|part| contour_sum(part, unit)).sum::<f64>();
+        sum += exitance
+            * visible
+                .iter()
+                .map(|part| contour_sum(part, unit))
+                .sum::<f64>();
     }
     sum
 }
@@ -80,10 +96,15 @@ fn cone(occluder: &Polygon) -> Vec<HalfSpace> {
     let sides = (0..n).map(|i| {
         let plane = cross(&occluder[i], &occluder[(i + 1) % n]);
         let plane = if is_flipped { plane.map(|c| -c) } else { plane };
-        HalfSpace { normal: plane, offset: RBig::ZERO }
+        HalfSpace {
+            normal: plane,
+            offset: RBig::ZERO,
+        }
     });
     let sides: Vec<HalfSpace> = sides.collect();
-    std::iter::once(HalfSpace { normal, offset }).chain(sides).collect()
+    std::iter::once(HalfSpace { normal, offset })
+        .chain(sides)
+        .collect()
 }
 
 /// What is left of a polygon outside of a convex cone.
@@ -106,8 +127,10 @@ fn subtract(polygon: Polygon, cone: &[HalfSpace]) -> Vec<Polygon> {
 /// The parts of a convex polygon inside and outside of a half-space; a part
 /// without area is empty.
 fn split(polygon: &Polygon, half: &HalfSpace) -> (Polygon, Polygon) {
-    let values: Vec<RBig> =
-        polygon.iter().map(|x| dot(&half.normal, x) - &half.offset).collect();
+    let values: Vec<RBig> = polygon
+        .iter()
+        .map(|x| dot(&half.normal, x) - &half.offset)
+        .collect();
     let (mut inside, mut outside) = (Vec::new(), Vec::new());
     let n = polygon.len();
     for i in 0..n {
@@ -122,9 +145,8 @@ fn split(polygon: &Polygon, half: &HalfSpace) -> (Polygon, Polygon) {
             || (values[i] < RBig::ZERO && values[j] > RBig::ZERO);
         if crosses {
             let t = &values[i] / (&values[i] - &values[j]);
-            let cut: Point = std::array::from_fn(|k| {
-                &polygon[i][k] + (&polygon[j][k] - &polygon[i][k]) * &t
-            });
+            let cut: Point =
+                std::array::from_fn(|k| &polygon[i][k] + (&polygon[j][k] - &polygon[i][k]) * &t);
             inside.push(cut.clone());
             outside.push(cut);
         }
@@ -147,7 +169,11 @@ fn contour_sum(polygon: &Polygon, normal: DVec3) -> f64 {
         // As seen from its front, the polygon runs clockwise for Lambert.
         let axis = b.cross(a);
         let sine = axis.length();
-        if sine == 0.0 { 0.0 } else { sine.atan2(a.dot(b)) / sine * axis.dot(normal) }
+        if sine == 0.0 {
+            0.0
+        } else {
+            sine.atan2(a.dot(b)) / sine * axis.dot(normal)
+        }
     };
     (0..corners.len()).map(edge).sum::<f64>() / TAU
 }
@@ -155,14 +181,17 @@ fn contour_sum(polygon: &Polygon, normal: DVec3) -> f64 {
 fn normal_of(polygon: &Polygon) -> Point {
     let n = polygon.len();
     (1..n - 1).fold([RBig::ZERO, RBig::ZERO, RBig::ZERO], |sum, k| {
-        let doubled =
-            cross(&minus(&polygon[k], &polygon[0]), &minus(&polygon[k + 1], &polygon[0]));
+        let doubled = cross(
+            &minus(&polygon[k], &polygon[0]),
+            &minus(&polygon[k + 1], &polygon[0]),
+        );
         std::array::from_fn(|i| &sum[i] + &doubled[i])
     })
 }
 
 fn exact(p: DVec3) -> Point {
-    p.to_array().map(|c| RBig::try_from(c).expect("a finite number is rational"))
+    p.to_array()
+        .map(|c| RBig::try_from(c).expect("a finite number is rational"))
 }
 
 fn rounded(p: &Point) -> DVec3 {

@@ -45,7 +45,12 @@ pub fn add_horizontal(
     ([x0, x1], [y0, y1], z): ([f64; 2], [f64; 2], f64),
     facing: Facing,
 ) {
-    let mut corners = [dvec3(x0, y0, z), dvec3(x1, y0, z), dvec3(x1, y1, z), dvec3(x0, y1, z)];
+    let mut corners = [
+        dvec3(x0, y0, z),
+        dvec3(x1, y0, z),
+        dvec3(x1, y1, z),
+        dvec3(x0, y1, z),
+    ];
     if facing == Facing::Down {
         corners.reverse();
     }
@@ -80,7 +85,11 @@ pub fn add_room(scene: &mut SceneInput, name: &str, material: &str, min: DVec3, 
 fn box_faces(min: DVec3, max: DVec3) -> [(&'static str, [DVec3; 4]); 6] {
     let p = |x: usize, y: usize, z: usize| {
         let pick = |k: usize, lo: f64, hi: f64| if k == 0 { lo } else { hi };
-        dvec3(pick(x, min.x, max.x), pick(y, min.y, max.y), pick(z, min.z, max.z))
+        dvec3(
+            pick(x, min.x, max.x),
+            pick(y, min.y, max.y),
+            pick(z, min.z, max.z),
+        )
     };
     [
         ("x0", [p(0, 0, 0), p(0, 0, 1), p(0, 1, 1), p(0, 1, 0)]),
@@ -96,10 +105,14 @@ fn box_faces(min: DVec3, max: DVec3) -> [(&'static str, [DVec3; 4]); 6] {
 #[must_use]
 pub fn unoccluded(scene: &SceneInput, receivers: &[&str]) -> SceneInput {
     let emits = |name: &str| {
-        scene.materials.iter().any(|m| m.name == name && m.exitance.iter().any(|&e| e > 0.0))
+        scene
+            .materials
+            .iter()
+            .any(|m| m.name == name && m.exitance.iter().any(|&e| e > 0.0))
     };
     let mut bare = scene.clone();
-    bare.surfaces.retain(|s| emits(&s.material) || receivers.contains(&s.name.as_str()));
+    bare.surfaces
+        .retain(|s| emits(&s.material) || receivers.contains(&s.name.as_str()));
     bare
 }
 
@@ -164,7 +177,9 @@ pub fn points_on(origin: DVec3, u: DVec3, v: DVec3, n: usize) -> Vec<DVec3> {
 /// If there is no such surface or it has no face.
 #[must_use]
 pub fn only_face(scene: &antumbra::Scene, surface: &str) -> antumbra::scene::FaceId {
-    let id = scene.surface_named(surface).unwrap_or_else(|| panic!("no surface '{surface}'"));
+    let id = scene
+        .surface_named(surface)
+        .unwrap_or_else(|| panic!("no surface '{surface}'"));
     let faces = &scene.surfaces[id.index()].faces;
     assert!(!faces.is_empty(), "surface '{surface}' was dropped");
     antumbra::scene::FaceId(faces.start)

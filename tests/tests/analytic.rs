@@ -11,8 +11,20 @@ use std::f64::consts::{PI, TAU};
 /// A unit square under a unit square that emits, one apart.
 fn opposed() -> SceneInput {
     let mut scene = empty();
-    add_horizontal(&mut scene, "floor", "grey", ([0.0, 1.0], [0.0, 1.0], 0.0), Facing::Up);
-    add_horizontal(&mut scene, "lamp", "lamp", ([0.0, 1.0], [0.0, 1.0], 1.0), Facing::Down);
+    add_horizontal(
+        &mut scene,
+        "floor",
+        "grey",
+        ([0.0, 1.0], [0.0, 1.0], 0.0),
+        Facing::Up,
+    );
+    add_horizontal(
+        &mut scene,
+        "lamp",
+        "lamp",
+        ([0.0, 1.0], [0.0, 1.0], 1.0),
+        Facing::Down,
+    );
     scene
 }
 
@@ -23,7 +35,9 @@ fn opposed_unit_squares_have_the_known_form_factor() {
         .iter()
         .flat_map(|&(x, _)| rule.iter().map(move |&(y, _)| dvec3(x, y, 0.0)))
         .collect();
-    let weights = rule.iter().flat_map(|&(_, v)| rule.iter().map(move |&(_, w)| v * w));
+    let weights = rule
+        .iter()
+        .flat_map(|&(_, v)| rule.iter().map(move |&(_, w)| v * w));
     let factors = exact(&opposed(), "floor", &points);
     let got: f64 = factors.iter().zip(weights).map(|(f, w)| f * w).sum();
 
@@ -37,7 +51,13 @@ fn opposed_unit_squares_have_the_known_form_factor() {
 #[test]
 fn perpendicular_unit_squares_have_the_known_form_factor() {
     let mut scene = empty();
-    add_horizontal(&mut scene, "floor", "grey", ([0.0, 1.0], [0.0, 1.0], 0.0), Facing::Up);
+    add_horizontal(
+        &mut scene,
+        "floor",
+        "grey",
+        ([0.0, 1.0], [0.0, 1.0], 0.0),
+        Facing::Up,
+    );
     let wall = [
         dvec3(0.0, 0.0, 0.0),
         dvec3(0.0, 1.0, 0.0),
@@ -75,8 +95,20 @@ fn corner_factor(a: f64, b: f64, c: f64) -> f64 {
 #[test]
 fn point_under_a_parallel_rectangle_has_the_known_factor() {
     let mut scene = empty();
-    add_horizontal(&mut scene, "floor", "grey", ([-4.0, 4.0], [-4.0, 4.0], 0.0), Facing::Up);
-    add_horizontal(&mut scene, "lamp", "lamp", ([-0.5, 1.5], [0.25, 1.0], 0.75), Facing::Down);
+    add_horizontal(
+        &mut scene,
+        "floor",
+        "grey",
+        ([-4.0, 4.0], [-4.0, 4.0], 0.0),
+        Facing::Up,
+    );
+    add_horizontal(
+        &mut scene,
+        "lamp",
+        "lamp",
+        ([-0.5, 1.5], [0.25, 1.0], 0.75),
+        Facing::Down,
+    );
     let points = points_on(dvec3(-4.0, -4.0, 0.0), DVec3::X * 8.0, DVec3::Y * 8.0, 500);
     for (p, got) in points.iter().zip(exact(&scene, "floor", &points)) {
         let corner = |x: f64, y: f64| corner_factor(x - p.x, y - p.y, 0.75);
@@ -103,9 +135,27 @@ fn closed_cube_encloses_every_point_of_its_faces() {
 #[test]
 fn closed_room_with_boxes_encloses_every_point() {
     let mut scene = empty();
-    add_room(&mut scene, "room", "lamp", dvec3(-2.0, -1.5, 0.0), dvec3(2.0, 1.5, 3.0));
-    add_box(&mut scene, "standing", "lamp", dvec3(-1.0, -1.0, 0.0), dvec3(0.0, 0.25, 1.0));
-    add_box(&mut scene, "floating", "lamp", dvec3(0.25, -0.5, 1.25), dvec3(1.5, 0.75, 2.0));
+    add_room(
+        &mut scene,
+        "room",
+        "lamp",
+        dvec3(-2.0, -1.5, 0.0),
+        dvec3(2.0, 1.5, 3.0),
+    );
+    add_box(
+        &mut scene,
+        "standing",
+        "lamp",
+        dvec3(-1.0, -1.0, 0.0),
+        dvec3(0.0, 0.25, 1.0),
+    );
+    add_box(
+        &mut scene,
+        "floating",
+        "lamp",
+        dvec3(0.25, -0.5, 1.25),
+        dvec3(1.5, 0.75, 2.0),
+    );
     // Under the standing box there is nothing but its own bottom face.
     scene.surfaces.retain(|s| s.name != "standing.z0");
     encloses(&scene, 60);
@@ -131,8 +181,16 @@ fn encloses(scene: &SceneInput, n: usize) {
 fn sensor_inside_a_closed_cube_receives_one_whatever_its_normal() {
     let mut scene = empty();
     add_room(&mut scene, "room", "lamp", DVec3::ZERO, DVec3::ONE);
-    let points = points_on(dvec3(0.125, 0.25, 0.375), dvec3(0.5, 0.25, 0.0), dvec3(0.0, 0.25, 0.5), 100);
-    let sensors: Vec<_> = points.iter().map(|&p| (p, (p * 7.0 - 3.0) + DVec3::X * 0.1)).collect();
+    let points = points_on(
+        dvec3(0.125, 0.25, 0.375),
+        dvec3(0.5, 0.25, 0.0),
+        dvec3(0.0, 0.25, 0.5),
+        100,
+    );
+    let sensors: Vec<_> = points
+        .iter()
+        .map(|&p| (p, (p * 7.0 - 3.0) + DVec3::X * 0.1))
+        .collect();
     for e in exact_free(&scene, &sensors) {
         assert!((e - 1.0).abs() < 1e-12, "{e}");
     }

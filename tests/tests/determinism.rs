@@ -3,12 +3,19 @@
 use antumbra::{Control, DirectSolution, Options, Tolerance};
 use antumbra_tests::cases::{build, fixture};
 
-const SCENES: [&str; 4] =
-    ["basic/two-triangles", "alignment/box-under-rectangle", "contact/table", "penetration/crossing-triangles"];
+const SCENES: [&str; 4] = [
+    "basic/two-triangles",
+    "alignment/box-under-rectangle",
+    "contact/table",
+    "penetration/crossing-triangles",
+];
 
 /// Runs in a pool of its own.
 fn with_threads<T: Send>(n: usize, work: impl FnOnce() -> T + Send) -> T {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads start");
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(n)
+        .build()
+        .expect("threads start");
     pool.install(work)
 }
 
@@ -17,8 +24,16 @@ fn bits(solution: &DirectSolution) -> Vec<u64> {
     let mut all = Vec::new();
     for mesh in &solution.receivers {
         all.extend(mesh.element_nodes.iter().map(|&n| u64::from(n)));
-        all.extend(mesh.nodes.iter().flat_map(|p| [p.x.to_bits(), p.y.to_bits()]));
-        let values = mesh.direct.iter().chain(&mesh.irradiance).chain(&mesh.element_errors);
+        all.extend(
+            mesh.nodes
+                .iter()
+                .flat_map(|p| [p.x.to_bits(), p.y.to_bits()]),
+        );
+        let values = mesh
+            .direct
+            .iter()
+            .chain(&mesh.irradiance)
+            .chain(&mesh.element_errors);
         all.extend(values.map(|v| v.to_bits()));
         all.push(mesh.exact_evaluations);
     }
@@ -38,14 +53,20 @@ fn meshes_are_bit_identical_for_any_number_of_threads() {
         };
         let one = with_threads(1, run);
         for n in [2, 7] {
-            assert!(with_threads(n, run) == one, "{name}: {n} threads mesh differently from one");
+            assert!(
+                with_threads(n, run) == one,
+                "{name}: {n} threads mesh differently from one"
+            );
         }
     }
 }
 
 #[test]
 fn solutions_are_bit_identical_for_any_number_of_threads() {
-    let options = Options { tolerance: Tolerance::Relative(1e-2), ..Options::default() };
+    let options = Options {
+        tolerance: Tolerance::Relative(1e-2),
+        ..Options::default()
+    };
     for name in SCENES {
         let scene = build(&fixture(name));
         let run = || {
@@ -54,13 +75,20 @@ fn solutions_are_bit_identical_for_any_number_of_threads() {
             let mut all = bits(&radiosity.meshes);
             all.extend([radiosity.iterations as u64, radiosity.residual.to_bits()]);
             let power = &radiosity.power;
-            let watts = power.emitted.iter().chain(&power.absorbed).chain(&power.escaped);
+            let watts = power
+                .emitted
+                .iter()
+                .chain(&power.absorbed)
+                .chain(&power.escaped);
             all.extend(watts.map(|v| v.to_bits()));
             all
         };
         let one = with_threads(1, run);
         for n in [2, 7] {
-            assert!(with_threads(n, run) == one, "{name}: {n} threads solve differently from one");
+            assert!(
+                with_threads(n, run) == one,
+                "{name}: {n} threads solve differently from one"
+            );
         }
     }
 }

@@ -19,7 +19,7 @@ use proptest::test_runner::RngSeed;
 fn laws() -> ProptestConfig {
     let number = |name: &str| std::env::var(name).ok().and_then(|v| v.parse::<u32>().ok());
     ProptestConfig {
-        cases: number("LAWS_CASES").unwrap_or(24),
+        cases: number("LAWS_CASES").unwrap_or(256),
         rng_seed: RngSeed::Fixed(u64::from(number("LAWS_SEED").unwrap_or(1))),
         failure_persistence: None,
         ..ProptestConfig::default()
@@ -28,8 +28,15 @@ fn laws() -> ProptestConfig {
 
 #[derive(Clone, Debug)]
 enum Occluder {
-    Box { min: [i32; 3], size: [i32; 3] },
-    Parallelogram { origin: [i32; 3], u: [i32; 3], v: [i32; 3] },
+    Box {
+        min: [i32; 3],
+        size: [i32; 3],
+    },
+    Parallelogram {
+        origin: [i32; 3],
+        u: [i32; 3],
+        v: [i32; 3],
+    },
 }
 
 /// A lamp in eighths: corner and sides, height, and the rise along x.
@@ -52,19 +59,35 @@ fn occluder() -> impl Strategy<Value = Occluder> {
         (place.clone(), [1..=6i32, 1..=6i32, 1..=6i32])
             .prop_map(|(min, size)| Occluder::Box { min, size }),
         (place, step(), step())
-            .prop_filter("has an area", |(_, u, v)| eighths(*u).cross(eighths(*v)) != DVec3::ZERO)
+            .prop_filter("has an area", |(_, u, v)| eighths(*u).cross(eighths(*v))
+                != DVec3::ZERO)
             .prop_map(|(origin, u, v)| Occluder::Parallelogram { origin, u, v }),
     ]
 }
 
 fn lamp(left: i32) -> impl Strategy<Value = Lamp> {
-    (0..=3i32, 2..=8i32, -8..=2i32, 2..=8i32, 19..=24i32, -2..=4i32).prop_map(
-        move |(x, dx, y, dy, z, rise)| Lamp { x: [left + x, left + x + dx], y: [y, y + dy], z, rise },
+    (
+        0..=3i32,
+        2..=8i32,
+        -8..=2i32,
+        2..=8i32,
+        19..=24i32,
+        -2..=4i32,
     )
+        .prop_map(move |(x, dx, y, dy, z, rise)| Lamp {
+            x: [left + x, left + x + dx],
+            y: [y, y + dy],
+            z,
+            rise,
+        })
 }
 
 fn scene() -> impl Strategy<Value = SceneInput> {
-    (lamp(-12), proptest::option::of(lamp(1)), proptest::collection::vec(occluder(), 2..=6))
+    (
+        lamp(-12),
+        proptest::option::of(lamp(1)),
+        proptest::collection::vec(occluder(), 2..=6),
+    )
         .prop_map(|(first, second, occluders)| {
             let mut scene = empty();
             let floor = ([-2.0, 2.0], [-2.0, 2.0], 0.0);
@@ -77,7 +100,12 @@ fn scene() -> impl Strategy<Value = SceneInput> {
                     [x[1], y[1], z + rise],
                     [x[1], y[0], z + rise],
                 ];
-                add(&mut scene, &format!("lamp{k}"), "lamp", &corners.map(eighths));
+                add(
+                    &mut scene,
+                    &format!("lamp{k}"),
+                    "lamp",
+                    &corners.map(eighths),
+                );
             }
             for (k, occluder) in occluders.into_iter().enumerate() {
                 let name = format!("occluder{k}");
@@ -102,7 +130,11 @@ fn points() -> Vec<DVec3> {
     let off = 43_691.0 / 1_048_576.0;
     (-9..9)
         .step_by(3)
-        .flat_map(|i| (-9..9).step_by(3).map(move |j| (f64::from(i), f64::from(j))))
+        .flat_map(|i| {
+            (-9..9)
+                .step_by(3)
+                .map(move |j| (f64::from(i), f64::from(j)))
+        })
         .map(|(i, j)| dvec3(i / 8.0 + off, j / 8.0 + off * 1.5, 0.0))
         .collect()
 }
@@ -113,7 +145,9 @@ fn on_floor(scene: &SceneInput) -> Vec<f64> {
 
 /// The largest difference.
 fn difference(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).fold(0.0, |m, (a, b)| f64::max(m, (a - b).abs()))
+    a.iter()
+        .zip(b)
+        .fold(0.0, |m, (a, b)| f64::max(m, (a - b).abs()))
 }
 
 fn moved(scene: &SceneInput, motion: &Motion) -> Vec<f64> {
@@ -284,7 +318,10 @@ fn in_triangles(scene: &SceneInput, name: &str) -> SceneInput {
                 ..s.clone()
             };
             if s.name.starts_with(name) && v.len() == 4 {
-                vec![part("/0", &[v[0], v[1], v[2]]), part("/1", &[v[0], v[2], v[3]])]
+                vec![
+                    part("/0", &[v[0], v[1], v[2]]),
+                    part("/1", &[v[0], v[2], v[3]]),
+                ]
             } else {
                 vec![s.clone()]
             }

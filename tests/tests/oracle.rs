@@ -77,7 +77,10 @@ fn exact_irradiance_agrees_with_rational_arithmetic_at_aligned_points() {
         let scene = fixture(name);
         // On a contact there is no value, only one a side.
         let is_off_contacts = |p: &&DVec3| {
-            !scene.surfaces.iter().any(|s| s.name != "floor" && touches(&s.vertices, **p))
+            !scene
+                .surfaces
+                .iter()
+                .any(|s| s.name != "floor" && touches(&s.vertices, **p))
         };
         let points: Vec<DVec3> = points.iter().filter(is_off_contacts).copied().collect();
         rational_agrees(name, &scene, &points);

@@ -82,13 +82,22 @@ pub fn on_mesh(solution: &DirectSolution, place: &Place) -> Option<Vec<f64>> {
     Some(mesh.direct_at(element, at))
 }
 
-/// Irradiance with interreflection per band; `None` outside the mesh.
+/// Irradiance with interreflection per band at several places: direct light from
+/// the mesh, indirect light gathered with exact visibility. `None` outside the mesh.
 #[must_use]
-pub fn solved(solution: &RadiositySolution, place: &Place) -> Option<Vec<f64>> {
-    let mesh = &solution.meshes.receivers[place.face.index()];
-    let uv = mesh.chart.to_chart(place.point);
-    let (element, at) = mesh.locate(uv)?;
-    let direct = mesh.direct_at(element, at);
-    let indirect = solution.indirect_at(place.face.index(), uv)?;
-    Some(direct.iter().zip(indirect).map(|(d, i)| d + i).collect())
+pub fn solved(
+    evaluator: &Evaluator<'_>,
+    solution: &RadiositySolution,
+    places: &[Place],
+) -> Vec<Option<Vec<f64>>> {
+    let points: Vec<_> = places.iter().map(|p| (p.face.index(), p.point)).collect();
+    let indirect = solution.gather(evaluator, &points);
+    places
+        .iter()
+        .zip(indirect)
+        .map(|(place, indirect)| {
+            let direct = on_mesh(&solution.meshes, place)?;
+            Some(direct.iter().zip(indirect).map(|(d, i)| d + i).collect())
+        })
+        .collect()
 }

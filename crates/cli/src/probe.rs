@@ -19,6 +19,15 @@ struct Row {
     target: Target,
 }
 
+impl Row {
+    fn place(&self) -> Option<Place> {
+        match self.target {
+            Target::Surface(place) => Some(place),
+            Target::Free { .. } => None,
+        }
+    }
+}
+
 enum Target {
     Surface(Place),
     Free { point: DVec3, normal: DVec3 },
@@ -70,10 +79,12 @@ pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
             columns.push(("direct_mesh", on_surface(&|place| values::on_mesh(meshes, place))));
         }
         if let (true, Done::Solved(solved)) = (probe.solve, &done) {
-            columns.push((
-                "irradiance",
-                on_surface(&|place| values::solved(&solved.radiosity, place)),
-            ));
+            let places: Vec<Place> = rows.iter().filter_map(Row::place).collect();
+            let evaluator = Evaluator::new(scene);
+            let mut found = values::solved(&evaluator, &solved.radiosity, &places).into_iter();
+            let values =
+                rows.iter().map(|row| row.place().and_then(|_| found.next().flatten())).collect();
+            columns.push(("irradiance", values));
         }
     }
     if common.json {

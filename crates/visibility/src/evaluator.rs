@@ -375,9 +375,10 @@ impl<'s> Evaluator<'s> {
         let view = View { normal, plane, candidates: Vec::new() };
         let bounds = Aabb::of(source.corners.iter().copied());
         let factor = self.factor(&view, source, bounds, occluders, point, approach, scratch);
+        let is_whole = scratch.visible.len() == 1;
         for &fragment in &scratch.visible {
             let corners = scratch.fragments.corners(fragment);
-            visit(corners, contour_sum(corners, normal));
+            visit(corners, if is_whole { factor } else { contour_sum(corners, normal) });
         }
         factor
     }
