@@ -48,7 +48,7 @@ pub struct RadiosityOptions {
 
 impl Default for RadiosityOptions {
     fn default() -> Self {
-        Self { tolerance: 1e-3, residual: 1e-7, most_nodes: 3000, most_sweeps: 1000 }
+        Self { tolerance: 1e-3, residual: 1e-7, most_nodes: 4000, most_sweeps: 1000 }
     }
 }
 
@@ -188,7 +188,7 @@ impl Layer {
 }
 
 /// Rounds of refinement of the indirect layer.
-const MOST_ROUNDS: usize = 3;
+const MOST_ROUNDS: usize = 4;
 
 /// The layer's interpolated values may be this much worse than the tolerance:
 /// gathering from it divides the error by about as much (measured on the closed
@@ -242,15 +242,10 @@ pub fn solve_radiosity(
         round += 1;
         let allowed: Vec<f64> =
             solution.peak.iter().map(|p| p * options.tolerance * GATHERED).collect();
-        let levels: Vec<Vec<u8>> = layer
-            .fields
-            .iter()
-            .zip(&errors.per_field)
-            .map(|(f, e)| f.levels_for(e, &allowed).into_iter().map(|l| l.min(2)).collect())
-            .collect();
-        let n_marked = levels.iter().flatten().filter(|&&l| l > 0).count();
-        let too_large = system.n_nodes + 4 * n_marked > options.most_nodes;
-        if n_marked == 0 || round == MOST_ROUNDS || too_large || should_stop() {
+        let room = options.most_nodes.saturating_sub(system.n_nodes) / NODES_PER_BISECTION;
+        let levels = worst_levels(&layer.fields, &errors.per_field, &allowed, room);
+        let is_done = levels.iter().flatten().all(|&l| l == 0);
+        if is_done || round == MOST_ROUNDS || should_stop() {
             break (system, solution, errors);
         }
         layer.refine(levels);
@@ -291,6 +286,50 @@ pub fn solve_radiosity(
         layer,
     }
 }
+
+/// How often the elements of the layer are to be bisected: those whose errors weigh
+/// most, no more of them than there is room for.
+///
+/// An error weighs by the length it reaches over: narrow strips along edges and
+/// contacts matter to little but themselves.
+fn worst_levels(
+    fields: &[Field],
+    errors: &[Vec<f64>],
+    allowed: &[f64],
+    room: usize,
+) -> Vec<Vec<u8>> {
+    let mut levels: Vec<Vec<u8>> = fields
+        .iter()
+        .zip(errors)
+        .map(|(f, e)| f.levels_for(e, allowed).into_iter().map(|l| l.min(2)).collect())
+        .collect();
+    let mut marked: Vec<(f64, usize, usize)> = Vec::new();
+    for (r, field) in fields.iter().enumerate() {
+        for (t, &level) in levels[r].iter().enumerate() {
+            if level > 0 {
+                let error = allowed
+                    .iter()
+                    .enumerate()
+                    .filter(|(_, a)| **a > 0.0)
+                    .map(|(band, a)| errors[r][t * field.n_bands + band] / a)
+                    .fold(0.0, f64::max);
+                marked.push((error * field.longest_edge(t), r, t));
+            }
+        }
+    }
+    marked.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    let mut spent = 0;
+    for (_, r, t) in marked {
+        spent += usize::from(levels[r][t]);
+        if spent > room {
+            levels[r][t] = 0;
+        }
+    }
+    levels
+}
+
+/// Nodes a bisection adds on average, with those that keep the mesh conforming.
+const NODES_PER_BISECTION: usize = 3;
 
 /// Irradiance with interreflection on the meshes of direct light, refined where
 /// their elements cannot follow the indirect layer.
