@@ -40,7 +40,10 @@ fn surface(scene: &Scene, mesh: &ReceiverMesh, curves: &ReceiverCurves) -> Surfa
         .iter()
         .map(|&uv| scene.frame.to_file(mesh.chart.to_space(uv)))
         .collect();
-    let mut fields = vec![Field { name: "direct".into(), values: mesh.direct.clone() }];
+    let mut fields = vec![Field {
+        name: "direct".into(),
+        values: mesh.direct.clone(),
+    }];
     if !mesh.irradiance.is_empty() {
         let material = scene.material(mesh.face);
         let radiosity = mesh
@@ -52,8 +55,14 @@ fn surface(scene: &Scene, mesh: &ReceiverMesh, curves: &ReceiverCurves) -> Surfa
                 material.exitance[band] + material.reflectance[band] * e
             })
             .collect();
-        fields.push(Field { name: "irradiance".into(), values: mesh.irradiance.clone() });
-        fields.push(Field { name: "radiosity".into(), values: radiosity });
+        fields.push(Field {
+            name: "irradiance".into(),
+            values: mesh.irradiance.clone(),
+        });
+        fields.push(Field {
+            name: "radiosity".into(),
+            values: radiosity,
+        });
     }
     SurfaceMesh {
         name: surface.name.clone(),
@@ -63,11 +72,19 @@ fn surface(scene: &Scene, mesh: &ReceiverMesh, curves: &ReceiverCurves) -> Surfa
         loops: face
             .loops()
             .map(|l| {
-                scene.positions(l).into_iter().map(|p| scene.frame.to_file(p)).collect()
+                scene
+                    .positions(l)
+                    .into_iter()
+                    .map(|p| scene.frame.to_file(p))
+                    .collect()
             })
             .collect(),
         degree: mesh.degree,
-        nodes_2d: mesh.nodes.iter().map(|&uv| uv / scene.frame.scale).collect(),
+        nodes_2d: mesh
+            .nodes
+            .iter()
+            .map(|&uv| uv / scene.frame.scale)
+            .collect(),
         nodes,
         elements: mesh.element_nodes.clone(),
         fields,
@@ -86,7 +103,11 @@ fn curve_edges(mesh: &ReceiverMesh) -> Vec<CurveEdge> {
             let next = (k + 1) % 3;
             let (a, b) = (triangle[k], triangle[next]);
             // Each edge once: from the element with the smaller index.
-            if mesh.mesh.neighbour(t as u32, k).is_some_and(|other| (other as usize) < t) {
+            if mesh
+                .mesh
+                .neighbour(t as u32, k)
+                .is_some_and(|other| (other as usize) < t)
+            {
                 continue;
             }
             if let Some(set) = mesh.mesh.edge_curves(a, b) {
@@ -103,8 +124,11 @@ fn curve_edges(mesh: &ReceiverMesh) -> Vec<CurveEdge> {
 fn curve_table(scene: &Scene, mesh: &ReceiverMesh, curves: &ReceiverCurves) -> Vec<Curve> {
     let face = scene.face(mesh.face);
     let border = face.loops().map(|l| {
-        let mut points: Vec<_> =
-            scene.positions(l).into_iter().map(|p| scene.frame.to_file(p)).collect();
+        let mut points: Vec<_> = scene
+            .positions(l)
+            .into_iter()
+            .map(|p| scene.frame.to_file(p))
+            .collect();
         points.extend(points.first().copied());
         Curve {
             kind: "border".into(),
@@ -119,7 +143,11 @@ fn curve_table(scene: &Scene, mesh: &ReceiverMesh, curves: &ReceiverCurves) -> V
         order: order_key(curve.kind().discontinuity()).into(),
         emitter: curve.emitter.map(|f| scene.surface_of(f).name.clone()),
         generators: generators(scene, curve),
-        points: curve.points.iter().map(|&p| scene.frame.to_file(p)).collect(),
+        points: curve
+            .points
+            .iter()
+            .map(|&p| scene.frame.to_file(p))
+            .collect(),
     });
     border.chain(critical).collect()
 }
@@ -159,7 +187,9 @@ pub fn generators(scene: &Scene, curve: &CriticalCurve) -> String {
         format!("vertex {}({} {} {})", id.0, p.x, p.y, p.z)
     };
     match curve.event {
-        Event::EmitterVertex { vertex: v, edge: e } => format!("emitter {} × {}", vertex(v), edge(e)),
+        Event::EmitterVertex { vertex: v, edge: e } => {
+            format!("emitter {} × {}", vertex(v), edge(e))
+        }
         Event::EmitterEdge { edge: e, vertex: v } => format!("emitter {} × {}", edge(e), vertex(v)),
         Event::CoplanarEdges { emitter, occluder } => {
             format!("emitter {} ∥ {}", edge(emitter), edge(occluder))

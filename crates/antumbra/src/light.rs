@@ -24,7 +24,8 @@ impl<'e, 's> ExactLight<'e, 's> {
     /// Irradiance per band at one point of a face's front, scene units.
     #[must_use]
     pub fn at(&self, face: FaceId, point: glam::DVec3, scratch: &mut Scratch) -> Vec<f64> {
-        self.evaluator.irradiance(&self.views[face.index()], point, None, scratch)
+        self.evaluator
+            .irradiance(&self.views[face.index()], point, None, scratch)
     }
 }
 

@@ -53,7 +53,7 @@ impl Options {
         };
         self.degree.unwrap_or(if tolerance > 3e-3 {
             2
-        } else if tolerance >= 3e-5 {
+        } else if tolerance > 3e-4 {
             3
         } else {
             4
@@ -103,7 +103,10 @@ impl std::fmt::Debug for Control<'_> {
 
 impl Default for Control<'_> {
     fn default() -> Self {
-        Self { should_stop: &|| false, progress: &|_, _| {} }
+        Self {
+            should_stop: &|| false,
+            progress: &|_, _| {},
+        }
     }
 }
 
@@ -168,7 +171,11 @@ pub fn mesh(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<M
     let evaluator = Evaluator::new(scene);
     let light = ExactLight::new(&evaluator);
     let (meshes, curves, events) = direct(&evaluator, &light, options, control)?;
-    Ok(Meshed { direct: meshes.finish(), curves, events })
+    Ok(Meshed {
+        direct: meshes.finish(),
+        curves,
+        events,
+    })
 }
 
 /// Meshes a scene and solves for interreflection.
@@ -199,7 +206,11 @@ pub fn solve(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<
         control.should_stop,
         &|done| (control.progress)(Phase::Radiosity, done),
     );
-    Ok(Solved { radiosity, curves, events })
+    Ok(Solved {
+        radiosity,
+        curves,
+        events,
+    })
 }
 
 fn direct(
@@ -216,6 +227,7 @@ fn direct(
         tolerance: options.tolerance,
         degree: options.chosen_degree(),
         most_elements: options.most_elements,
+        verify: true,
     };
     let meshes = DirectMeshes::solve(
         receivers,
@@ -262,7 +274,10 @@ fn receivers(
         let mut is_inserted = vec![false; p.receiver.orders.len()];
         for triangle in &p.receiver.mesh.triangles {
             for k in 0..3 {
-                let set = p.receiver.mesh.edge_curves(triangle[k], triangle[(k + 1) % 3]);
+                let set = p
+                    .receiver
+                    .mesh
+                    .edge_curves(triangle[k], triangle[(k + 1) % 3]);
                 for &id in set.map_or(&[][..], |set| p.receiver.mesh.sets().get(set)) {
                     is_inserted[id as usize] = true;
                 }
@@ -289,7 +304,10 @@ fn prepare(scene: &Scene, face: FaceId, critical: Vec<CriticalCurve>) -> Result<
         .into_iter()
         .map(|mut points| {
             points.extend(points.first().copied());
-            TaggedCurve { points, order: Order::Boundary }
+            TaggedCurve {
+                points,
+                order: Order::Boundary,
+            }
         })
         .collect();
     let n_border = curves.len();
@@ -308,22 +326,36 @@ fn prepare(scene: &Scene, face: FaceId, critical: Vec<CriticalCurve>) -> Result<
         error,
     })?;
     let orders = curves.iter().map(|c| c.order).collect();
-    let receiver =
-        Receiver { face, chart, mesh, orders, contact_radius: contact_radius(scene, face) };
-    Ok(Prepared { receiver, curves: ReceiverCurves { n_border, critical } })
+    let receiver = Receiver {
+        face,
+        chart,
+        mesh,
+        orders,
+        contact_radius: contact_radius(scene, face),
+    };
+    Ok(Prepared {
+        receiver,
+        curves: ReceiverCurves { n_border, critical },
+    })
 }
 
 /// Features closer than this to a receiver touch it; scene units.
 ///
-/// Eight pixels of its arrangement: smaller, and the two sides of the shadow of a
-/// gap would fall into one pixel (`contact/table-above-floor`); larger, and light
-/// that comes through a gap of 2⁻²⁴ of the receiver would be lost.
+/// Eight pixels of its arrangement. Smaller, and the two sides of the shadow of a
+/// gap would fall into one pixel (`contact/table` with its legs a hair above the
+/// floor); larger, and light that comes through a gap of 2⁻²⁴ of the receiver would
+/// be lost.
 fn contact_radius(scene: &Scene, face: FaceId) -> f64 {
-    let corners = scene.positions(&scene.face(face).outline);
-    let bounds = antumbra_scene::Aabb::of(corners);
-    let pixel = (bounds.max - bounds.min).length().log2().ceil().exp2() * PIXEL;
-    8.0 * pixel
+    let chart = scene.chart(face);
+    let corners = scene.loops_in_chart(face, &chart);
+    let (min, max) = corners.iter().flatten().fold(
+        (glam::DVec2::INFINITY, glam::DVec2::NEG_INFINITY),
+        |(min, max), &p| (min.min(p), max.max(p)),
+    );
+    // Curves overshoot the border a little, hence the factor.
+    let side = (max - min).max_element() * (1.0 + 1e-6);
+    8.0 * side.log2().ceil().exp2() * PIXEL
 }
 
-/// A pixel of the arrangement relative to its receiver.
+/// A pixel of the arrangement relative to its receiver, rounded up to a power of two.
 const PIXEL: f64 = 1.0 / (1u64 << 28) as f64;

@@ -47,8 +47,14 @@ pub fn place(scene: &Scene, surface: &str, point: DVec3) -> Result<Place, PointE
     let in_scene = scene.frame.to_scene(point);
     let face = scene
         .face_containing(id, in_scene)
-        .ok_or_else(|| PointError::OffSurface { surface: surface.to_owned(), point })?;
-    Ok(Place { face, point: in_scene })
+        .ok_or_else(|| PointError::OffSurface {
+            surface: surface.to_owned(),
+            point,
+        })?;
+    Ok(Place {
+        face,
+        point: in_scene,
+    })
 }
 
 /// Exact direct irradiance per band on a surface.

@@ -8,9 +8,11 @@ use std::path::PathBuf;
 /// Discontinuity meshing for radiosity: shadow boundaries in the mesh before solving.
 #[derive(Debug, Parser)]
 #[command(name = "antumbra", version, max_term_width = 100)]
-#[command(after_help = "Exit codes: 0 done, 1 internal error, 2 bad usage, 3 input unreadable, \
+#[command(
+    after_help = "Exit codes: 0 done, 1 internal error, 2 bad usage, 3 input unreadable, \
 4 content not acceptable, 5 tolerance not reached (result written), 6 budget or memory reached \
-(partial result written), 130 interrupted (partial result written).")]
+(partial result written), 130 interrupted (partial result written)."
+)]
 pub(crate) struct Options {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -185,7 +187,12 @@ pub(crate) struct Render {
 pub(crate) struct Picture {
     /// Where to look from: auto, front, back, left, right, top, bottom, or
     /// surface:NAME for a map of one surface.
-    #[arg(long, value_name = "VIEW", default_value = "auto", help_heading = "Pictures")]
+    #[arg(
+        long,
+        value_name = "VIEW",
+        default_value = "auto",
+        help_heading = "Pictures"
+    )]
     pub(crate) view: String,
     /// Size in pixels.
     #[arg(long, value_name = "WxH", value_parser = size, default_value = "1200x900", help_heading = "Pictures")]
@@ -263,7 +270,9 @@ fn memory(text: &str) -> Result<u64, String> {
 }
 
 fn size(text: &str) -> Result<(usize, usize), String> {
-    let parsed = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    let parsed = text
+        .split_once('x')
+        .and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     match parsed {
         Some((w, h)) if (64..=16384).contains(&w) && (64..=16384).contains(&h) => Ok((w, h)),
         _ => Err("WIDTHxHEIGHT with 64 to 16384 pixels each is needed".into()),

@@ -80,7 +80,11 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
                 });
                 println!("{document:#}");
             }
-            Err(Failure::not_acceptable(input::refusal(&common.scene, &found, common)))
+            Err(Failure::not_acceptable(input::refusal(
+                &common.scene,
+                &found,
+                common,
+            )))
         }
     }
 }

@@ -21,22 +21,34 @@ pub(crate) struct Failure {
 impl Failure {
     /// A bug of ours, or of the machine: exit code 1.
     pub(crate) fn internal(message: impl Into<String>) -> Self {
-        Self { kind: Kind::Internal, message: message.into() }
+        Self {
+            kind: Kind::Internal,
+            message: message.into(),
+        }
     }
 
     /// Bad usage: exit code 2.
     pub(crate) fn usage(message: impl Into<String>) -> Self {
-        Self { kind: Kind::Usage, message: message.into() }
+        Self {
+            kind: Kind::Usage,
+            message: message.into(),
+        }
     }
 
     /// No file, not the format, not the schema: exit code 3.
     pub(crate) fn unreadable(message: impl Into<String>) -> Self {
-        Self { kind: Kind::Unreadable, message: message.into() }
+        Self {
+            kind: Kind::Unreadable,
+            message: message.into(),
+        }
     }
 
     /// Content that cannot be accepted: exit code 4.
     pub(crate) fn not_acceptable(message: impl Into<String>) -> Self {
-        Self { kind: Kind::NotAcceptable, message: message.into() }
+        Self {
+            kind: Kind::NotAcceptable,
+            message: message.into(),
+        }
     }
 
     pub(crate) fn exit_code(&self) -> u8 {

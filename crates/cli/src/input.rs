@@ -21,7 +21,9 @@ pub(crate) fn read(common: &Common) -> Result<antumbra::SceneInput, Failure> {
         let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
         String::from_utf8(bytes).map_err(|_| "is not UTF-8 text".to_owned())
     };
-    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    let extension = path
+        .extension()
+        .map(|e| e.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
         Some("json") => {
             let text = text(path).map_err(at)?;
@@ -30,10 +32,16 @@ pub(crate) fn read(common: &Common) -> Result<antumbra::SceneInput, Failure> {
         Some("obj") => {
             let obj = text(path).map_err(at)?;
             let folder = path.parent().unwrap_or(Path::new("."));
-            io::obj::read(&obj, &mut |name| text(&folder.join(name)), common.length_unit)
-                .map_err(|e| at(e.to_string()))
+            io::obj::read(
+                &obj,
+                &mut |name| text(&folder.join(name)),
+                common.length_unit,
+            )
+            .map_err(|e| at(e.to_string()))
         }
-        _ => Err(at("is not a format that can be read: .json and .obj are".into())),
+        _ => Err(at(
+            "is not a format that can be read: .json and .obj are".into()
+        )),
     }
 }
 
@@ -51,17 +59,26 @@ pub(crate) fn load(common: &Common) -> Result<Loaded, Failure> {
                     eprintln!("{}: {}", label("warning", common), warning.message);
                 }
             }
-            Ok(Loaded { scene: built.scene, warnings: built.warnings, notes })
+            Ok(Loaded {
+                scene: built.scene,
+                warnings: built.warnings,
+                notes,
+            })
         }
-        Err(problems) => {
-            Err(Failure::not_acceptable(refusal(&common.scene, &problems, common)))
-        }
+        Err(problems) => Err(Failure::not_acceptable(refusal(
+            &common.scene,
+            &problems,
+            common,
+        ))),
     }
 }
 
 /// All problems of a refused scene, one a line.
 pub(crate) fn refusal(path: &Path, problems: &[Problem], common: &Common) -> String {
-    let n = problems.iter().filter(|p| p.severity == Severity::Error).count();
+    let n = problems
+        .iter()
+        .filter(|p| p.severity == Severity::Error)
+        .count();
     let mut text = format!(
         "{}: the scene cannot be used: {n} {}",
         path.display(),
@@ -88,5 +105,9 @@ fn label(kind: &str, common: &Common) -> String {
         "warning" => "33",
         _ => "36",
     };
-    if colored { format!("\x1b[{code}m{kind}\x1b[0m") } else { kind.to_owned() }
+    if colored {
+        format!("\x1b[{code}m{kind}\x1b[0m")
+    } else {
+        kind.to_owned()
+    }
 }

@@ -36,7 +36,9 @@ fn main() -> ExitCode {
     let options = Options::parse();
     progress::catch_interrupts();
     if let Some(threads) = options.command.common().threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build_global();
         if let Err(error) = pool {
             eprintln!("antumbra: cannot start {threads} threads: {error}");
             return ExitCode::from(1);

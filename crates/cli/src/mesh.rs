@@ -25,9 +25,12 @@ pub(crate) enum Done {
 impl Done {
     pub(crate) fn as_report(&self) -> Work2<'_> {
         match self {
-            Self::Meshed(m) => {
-                Work2 { meshes: &m.direct, curves: &m.curves, events: &m.events, radiosity: None }
-            }
+            Self::Meshed(m) => Work2 {
+                meshes: &m.direct,
+                curves: &m.curves,
+                events: &m.events,
+                radiosity: None,
+            },
             Self::Solved(s) => Work2 {
                 meshes: &s.radiosity.meshes,
                 curves: &s.curves,
@@ -45,7 +48,12 @@ pub(crate) fn run(mesh: &Mesh, work: Work) -> Result<Ending, Failure> {
     }
     let formats = output::formats(&mesh.output, &output::MESHES)?;
     let loaded = input::load(common)?;
-    let names: Vec<String> = loaded.scene.surfaces.iter().map(|s| s.name.clone()).collect();
+    let names: Vec<String> = loaded
+        .scene
+        .surfaces
+        .iter()
+        .map(|s| s.name.clone())
+        .collect();
     output::check_view(&mesh.picture, &names)?;
     let watch = Watch::new(common, &mesh.meshing);
     let done = compute(&loaded, &mesh.meshing, &watch, work)?;

@@ -25,7 +25,9 @@ pub(crate) fn formats(outputs: &[PathBuf], allowed: &[Format]) -> Result<Vec<For
     outputs
         .iter()
         .map(|path| {
-            let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+            let extension = path
+                .extension()
+                .map(|e| e.to_string_lossy().to_ascii_lowercase());
             let format = match extension.as_deref() {
                 Some("json") => Format::Json,
                 Some("obj") => Format::Obj,
@@ -93,7 +95,9 @@ pub(crate) fn write(
         Format::Svg => match look.view.strip_prefix("surface:") {
             Some(name) => match scene.surfaces.iter().find(|s| s.name == name) {
                 Some(surface) => write::svg::write_surface(surface, scene, out),
-                None => Err(std::io::Error::other(format!("there is no surface '{name}'"))),
+                None => Err(std::io::Error::other(format!(
+                    "there is no surface '{name}'"
+                ))),
             },
             None => write::svg::write_all(scene, out),
         },
@@ -146,10 +150,13 @@ fn named(name: &str) -> Option<picture::View> {
 /// Is `--view` one there is? Asked before any work is done.
 pub(crate) fn check_view(look: &Picture, surfaces: &[String]) -> Result<(), Failure> {
     match look.view.strip_prefix("surface:") {
-        Some(name) if !surfaces.iter().any(|s| s == name) => {
-            Err(Failure::usage(format!("--view {}: there is no surface '{name}'", look.view)))
-        }
-        _ => picture_options(look).map(|_| ()).map_err(|e| Failure::usage(format!("--view: {e}"))),
+        Some(name) if !surfaces.iter().any(|s| s == name) => Err(Failure::usage(format!(
+            "--view {}: there is no surface '{name}'",
+            look.view
+        ))),
+        _ => picture_options(look)
+            .map(|_| ())
+            .map_err(|e| Failure::usage(format!("--view: {e}"))),
     }
 }
 
@@ -159,7 +166,10 @@ fn atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<std::fs::File>) -> std::io::Result<()>,
 ) -> Result<(), Failure> {
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = path
+        .file_name()
+        .map(|n| n.to_string_lossy().into_owned())
+        .unwrap_or_default();
     let temporary = parent(path).join(format!(".{name}.{}.part", std::process::id()));
     let result = std::fs::File::create(&temporary).and_then(|file| {
         let mut out = BufWriter::new(file);

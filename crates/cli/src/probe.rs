@@ -54,7 +54,10 @@ pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
                 }
             })
             .collect();
-        columns.push(("direct_exact", values.map_err(|e| Failure::usage(e.to_string()))?));
+        columns.push((
+            "direct_exact",
+            values.map_err(|e| Failure::usage(e.to_string()))?,
+        ));
     }
     let mut ending = Ending::Done;
     let mut with_mesh = |work: Work| -> Result<Done, Failure> {
@@ -76,14 +79,19 @@ pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
         };
         if probe.mesh {
             let meshes = done.as_report().meshes;
-            columns.push(("direct_mesh", on_surface(&|place| values::on_mesh(meshes, place))));
+            columns.push((
+                "direct_mesh",
+                on_surface(&|place| values::on_mesh(meshes, place)),
+            ));
         }
         if let (true, Done::Solved(solved)) = (probe.solve, &done) {
             let places: Vec<Place> = rows.iter().filter_map(Row::place).collect();
             let evaluator = Evaluator::new(scene);
             let mut found = values::solved(&evaluator, &solved.radiosity, &places).into_iter();
-            let values =
-                rows.iter().map(|row| row.place().and_then(|_| found.next().flatten())).collect();
+            let values = rows
+                .iter()
+                .map(|row| row.place().and_then(|_| found.next().flatten()))
+                .collect();
             columns.push(("irradiance", values));
         }
     }
@@ -95,10 +103,7 @@ pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
     Ok(ending)
 }
 
-fn read_points(
-    probe: &Probe,
-    scene: &antumbra::Scene,
-) -> Result<(Vec<String>, Vec<Row>), Failure> {
+fn read_points(probe: &Probe, scene: &antumbra::Scene) -> Result<(Vec<String>, Vec<Row>), Failure> {
     let path = &probe.points;
     let at = |message: String| Failure::unreadable(format!("{}: {message}", path.display()));
     let source: Box<dyn std::io::Read> = if path.as_os_str() == "-" {
@@ -106,10 +111,21 @@ fn read_points(
     } else {
         Box::new(std::fs::File::open(path).map_err(|e| at(e.to_string()))?)
     };
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(source);
-    let header: Vec<String> =
-        reader.headers().map_err(|e| at(e.to_string()))?.iter().map(str::to_owned).collect();
-    let with_normals = match header.iter().map(String::as_str).collect::<Vec<_>>().as_slice() {
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .from_reader(source);
+    let header: Vec<String> = reader
+        .headers()
+        .map_err(|e| at(e.to_string()))?
+        .iter()
+        .map(str::to_owned)
+        .collect();
+    let with_normals = match header
+        .iter()
+        .map(String::as_str)
+        .collect::<Vec<_>>()
+        .as_slice()
+    {
         ["surface", "x", "y", "z"] => false,
         ["surface", "x", "y", "z", "nx", "ny", "nz"] => true,
         _ => {
@@ -126,21 +142,33 @@ fn read_points(
         let number = |i: usize| -> Result<f64, Failure> {
             match record[i].parse::<f64>() {
                 Ok(x) if x.is_finite() => Ok(x),
-                _ => Err(at(format!("line {line}: {} '{}' is not a number", header[i], &record[i]))),
+                _ => Err(at(format!(
+                    "line {line}: {} '{}' is not a number",
+                    header[i], &record[i]
+                ))),
             }
         };
         let point = DVec3::new(number(1)?, number(2)?, number(3)?);
         let target = if record[0].is_empty() {
             if !with_normals {
-                return Err(at(format!("line {line}: a free sensor needs columns nx,ny,nz")));
+                return Err(at(format!(
+                    "line {line}: a free sensor needs columns nx,ny,nz"
+                )));
             }
-            Target::Free { point, normal: DVec3::new(number(4)?, number(5)?, number(6)?) }
+            Target::Free {
+                point,
+                normal: DVec3::new(number(4)?, number(5)?, number(6)?),
+            }
         } else {
-            let place = values::place(scene, &record[0], point)
-                .map_err(|e| Failure::not_acceptable(format!("{}: line {line}: {e}", path.display())))?;
+            let place = values::place(scene, &record[0], point).map_err(|e| {
+                Failure::not_acceptable(format!("{}: line {line}: {e}", path.display()))
+            })?;
             Target::Surface(place)
         };
-        rows.push(Row { fields: record.iter().map(str::to_owned).collect(), target });
+        rows.push(Row {
+            fields: record.iter().map(str::to_owned).collect(),
+            target,
+        });
     }
     Ok((header, rows))
 }
@@ -150,7 +178,11 @@ fn column_names(columns: &[(&str, Vec<Option<Vec<f64>>>)], n_bands: usize) -> Ve
         .iter()
         .flat_map(|(name, _)| {
             (0..n_bands).map(move |b| {
-                if n_bands == 1 { (*name).to_owned() } else { format!("{name}_{b}") }
+                if n_bands == 1 {
+                    (*name).to_owned()
+                } else {
+                    format!("{name}_{b}")
+                }
             })
         })
         .collect()
@@ -167,18 +199,30 @@ fn print_csv(
         out.write_record(&record)
             .map_err(|e| Failure::internal(format!("standard output: {e}")))
     };
-    write(&mut out, header.iter().cloned().chain(column_names(columns, n_bands)).collect())?;
+    write(
+        &mut out,
+        header
+            .iter()
+            .cloned()
+            .chain(column_names(columns, n_bands))
+            .collect(),
+    )?;
     for (k, row) in rows.iter().enumerate() {
         let mut record = row.fields.clone();
         for (_, values) in columns {
             for band in 0..n_bands {
                 // Seventeen significant digits; empty where there is no value.
-                record.push(values[k].as_ref().map_or(String::new(), |v| format!("{:.16e}", v[band])));
+                record.push(
+                    values[k]
+                        .as_ref()
+                        .map_or(String::new(), |v| format!("{:.16e}", v[band])),
+                );
             }
         }
         write(&mut out, record)?;
     }
-    out.flush().map_err(|e| Failure::internal(format!("standard output: {e}")))
+    out.flush()
+        .map_err(|e| Failure::internal(format!("standard output: {e}")))
 }
 
 fn print_json(

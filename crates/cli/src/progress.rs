@@ -60,8 +60,12 @@ impl Watch {
     pub(crate) fn should_stop(&self) -> bool {
         let ending = if INTERRUPTED.load(Ordering::SeqCst) {
             Ending::Interrupted
-        } else if self.budget.is_some_and(|budget| self.started.elapsed() >= budget)
-            || self.max_memory.is_some_and(|most| resident_memory() >= most)
+        } else if self
+            .budget
+            .is_some_and(|budget| self.started.elapsed() >= budget)
+            || self
+                .max_memory
+                .is_some_and(|most| resident_memory() >= most)
         {
             Ending::BudgetReached
         } else {
@@ -129,6 +133,12 @@ fn status_field(key: &str) -> u64 {
     status
         .lines()
         .find_map(|line| line.strip_prefix(key))
-        .and_then(|rest| rest.trim().trim_end_matches("kB").trim().parse::<u64>().ok())
+        .and_then(|rest| {
+            rest.trim()
+                .trim_end_matches("kB")
+                .trim()
+                .parse::<u64>()
+                .ok()
+        })
         .map_or(0, |kb| kb * 1024)
 }

@@ -12,10 +12,19 @@ pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
     let common = &render.common;
     let formats = output::formats(&render.output, &[Format::Png, Format::Svg])?;
     let loaded = input::load(common)?;
-    let names: Vec<String> = loaded.scene.surfaces.iter().map(|s| s.name.clone()).collect();
+    let names: Vec<String> = loaded
+        .scene
+        .surfaces
+        .iter()
+        .map(|s| s.name.clone())
+        .collect();
     output::check_view(&render.picture, &names)?;
     let watch = Watch::new(common, &render.meshing);
-    let work = if render.direct { Work::Mesh } else { Work::Solve };
+    let work = if render.direct {
+        Work::Mesh
+    } else {
+        Work::Solve
+    };
     let done = mesh::compute(&loaded, &render.meshing, &watch, work)?;
     let result = done.as_report();
     watch.finish();
@@ -35,9 +44,15 @@ pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
         }
     }
     if common.json {
-        let written: Vec<String> =
-            render.output.iter().map(|p| p.display().to_string()).collect();
-        println!("{:#}", serde_json::json!({ "version": env!("CARGO_PKG_VERSION"), "written": written }));
+        let written: Vec<String> = render
+            .output
+            .iter()
+            .map(|p| p.display().to_string())
+            .collect();
+        println!(
+            "{:#}",
+            serde_json::json!({ "version": env!("CARGO_PKG_VERSION"), "written": written })
+        );
     }
     Ok(mesh::ending(&watch, &result))
 }

@@ -127,7 +127,11 @@ fn unresolved_area(meshes: &DirectSolution) -> f64 {
     let (mut unresolved, mut total) = (0.0, 0.0);
     for receiver in &meshes.receivers {
         total += receiver.mesh.total_area();
-        unresolved += receiver.unresolved.iter().map(|&t| receiver.mesh.area(t)).sum::<f64>();
+        unresolved += receiver
+            .unresolved
+            .iter()
+            .map(|&t| receiver.mesh.area(t))
+            .sum::<f64>();
     }
     if total > 0.0 { unresolved / total } else { 0.0 }
 }
@@ -159,8 +163,8 @@ fn effects(meshing: &Meshing, result: &Result<'_>) -> Value {
         "reason": "every value at a node is exact, whatever stands between",
     })];
     for kind in EventKind::ALL {
-        let simulated = kind == EventKind::Contact
-            || (kind != EventKind::Eee && meshing.events.contains(kind));
+        let simulated =
+            kind == EventKind::Contact || (kind != EventKind::Eee && meshing.events.contains(kind));
         effects.push(json!({
             "name": kind.key(),
             "decision": if simulated { "simulated" } else { "left out" },

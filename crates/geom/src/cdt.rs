@@ -40,7 +40,10 @@ pub fn triangulate(vertices: &[DVec2], edges: &[[u32; 2]]) -> Result<Cdt, CdtErr
         .iter()
         .map(|p| spade::mitigate_underflow(Point2::new(p.x, p.y)))
         .collect();
-    let constraints = edges.iter().map(|&[a, b]| [a as usize, b as usize]).collect();
+    let constraints = edges
+        .iter()
+        .map(|&[a, b]| [a as usize, b as usize])
+        .collect();
     let mut n_conflicts = 0;
     let cdt = ConstrainedDelaunayTriangulation::<Point2<f64>>::try_bulk_load_cdt(
         points,
@@ -138,10 +141,21 @@ mod tests {
             dvec2(2.0, 2.0),
             dvec2(1.0, 2.0),
         ];
-        let edges = [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4]];
+        let edges = [
+            [0, 1],
+            [1, 2],
+            [2, 3],
+            [3, 0],
+            [4, 5],
+            [5, 6],
+            [6, 7],
+            [7, 4],
+        ];
         let cdt = triangulate(&vertices, &edges).unwrap();
         let inside = inside_by_parity(&cdt.triangles, |a, b| {
-            edges.iter().any(|e| (e[0].min(e[1]), e[0].max(e[1])) == (a, b))
+            edges
+                .iter()
+                .any(|e| (e[0].min(e[1]), e[0].max(e[1])) == (a, b))
         });
         let area: f64 = cdt
             .triangles
@@ -158,7 +172,12 @@ mod tests {
 
     #[test]
     fn crossing_edges_are_an_error_and_not_a_panic() {
-        let vertices = [dvec2(0.0, 0.0), dvec2(1.0, 1.0), dvec2(1.0, 0.0), dvec2(0.0, 1.0)];
+        let vertices = [
+            dvec2(0.0, 0.0),
+            dvec2(1.0, 1.0),
+            dvec2(1.0, 0.0),
+            dvec2(0.0, 1.0),
+        ];
         assert_eq!(
             triangulate(&vertices, &[[0, 1], [2, 3]]).unwrap_err(),
             CdtError::Conflict(1)

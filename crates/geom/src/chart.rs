@@ -42,7 +42,12 @@ impl Chart {
             let u = normal.cross(axis).normalize_or_zero();
             (u, normal.cross(u))
         };
-        Self { origin, u, v, normal }
+        Self {
+            origin,
+            u,
+            v,
+            normal,
+        }
     }
 
     /// Chart coordinates of the foot of `point` on the plane.

@@ -15,7 +15,9 @@ pub fn newell_normal(corners: &[DVec3]) -> DVec3 {
         return DVec3::ZERO;
     };
     let n = corners.len();
-    (0..n).map(|i| (corners[i] - origin).cross(corners[(i + 1) % n] - origin)).sum()
+    (0..n)
+        .map(|i| (corners[i] - origin).cross(corners[(i + 1) % n] - origin))
+        .sum()
 }
 
 /// The area enclosed by a plane outline in space.
@@ -68,7 +70,13 @@ pub fn segments_cross(a: DVec2, b: DVec2, c: DVec2, d: DVec2) -> bool {
     let (cda, cdb) = (orient(c, d, a), orient(c, d, b));
     if abc == 0.0 && abd == 0.0 {
         // Collinear: compare along the longer axis.
-        let along = |p: DVec2| if (b - a).x.abs() >= (b - a).y.abs() { p.x } else { p.y };
+        let along = |p: DVec2| {
+            if (b - a).x.abs() >= (b - a).y.abs() {
+                p.x
+            } else {
+                p.y
+            }
+        };
         let (a, b) = (along(a).min(along(b)), along(a).max(along(b)));
         let (c, d) = (along(c).min(along(d)), along(c).max(along(d)));
         return a.max(c) < b.min(d);
@@ -121,8 +129,7 @@ pub fn convex_pieces(points: &[DVec2], loops: &[Vec<usize>]) -> Option<Vec<Vec<u
     }
     let vertices: Vec<DVec2> = used.iter().map(|&i| points[i]).collect();
     let triangles = cdt::triangulate(&vertices, &edges).ok()?.triangles;
-    let mut boundary: Vec<(u32, u32)> =
-        edges.iter().map(|&[a, b]| (a.min(b), a.max(b))).collect();
+    let mut boundary: Vec<(u32, u32)> = edges.iter().map(|&[a, b]| (a.min(b), a.max(b))).collect();
     boundary.sort_unstable();
     let inside = cdt::inside_by_parity(&triangles, |a, b| boundary.binary_search(&(a, b)).is_ok());
     let mut pieces: Vec<Vec<usize>> = triangles
@@ -234,15 +241,19 @@ mod tests {
             dvec2(2.0, 2.0),
             dvec2(2.0, 1.0),
         ];
-        let pieces =
-            convex_pieces(&points, &[vec![0, 1, 2, 3], vec![4, 5, 6, 7]]).unwrap();
+        let pieces = convex_pieces(&points, &[vec![0, 1, 2, 3], vec![4, 5, 6, 7]]).unwrap();
         assert!((total(&points, &pieces) - 8.0).abs() < 1e-14);
         assert!(pieces.iter().all(|p| is_convex(&points, p)));
     }
 
     #[test]
     fn bow_tie_has_no_pieces() {
-        let points = [dvec2(0.0, 0.0), dvec2(1.0, 1.0), dvec2(1.0, 0.0), dvec2(0.0, 1.0)];
+        let points = [
+            dvec2(0.0, 0.0),
+            dvec2(1.0, 1.0),
+            dvec2(1.0, 0.0),
+            dvec2(0.0, 1.0),
+        ];
         assert!(convex_pieces(&points, &[vec![0, 1, 2, 3]]).is_none());
         assert!(segments_cross(points[0], points[1], points[2], points[3]));
     }

@@ -25,6 +25,9 @@ pub struct DirectOptions {
     pub degree: u8,
     /// No more elements than this.
     pub most_elements: usize,
+    /// Measure the error at a second set of points when all is within the
+    /// tolerance, and go on where it is not?
+    pub verify: bool,
 }
 
 /// Why refinement ended.
@@ -80,8 +83,10 @@ impl DirectMeshes {
         should_stop: &(dyn Fn() -> bool + Sync),
         progress: &(dyn Fn(usize, f64) + Sync),
     ) -> Self {
-        let mut fields: Vec<Field> =
-            receivers.into_iter().map(|r| Field::new(r, light, options.degree)).collect();
+        let mut fields: Vec<Field> = receivers
+            .into_iter()
+            .map(|r| Field::new(r, light, options.degree))
+            .collect();
         fields.par_iter_mut().for_each(|field| {
             if !field.is_dark {
                 field.coarsest(COARSEST);
@@ -95,11 +100,18 @@ impl DirectMeshes {
         };
         loop {
             meshes.evaluate(light);
-            let allowed = meshes.allowed();
             let n_elements = meshes.n_elements();
-            let levels: Vec<Vec<u8>> =
-                meshes.fields.par_iter().map(|f| f.levels(&allowed)).collect();
-            let n_marked = levels.iter().flatten().filter(|&&l| l > 0).count();
+            let mut levels = meshes.levels();
+            let count = |levels: &[Vec<u8>]| levels.iter().flatten().filter(|&&l| l > 0).count();
+            if count(&levels) == 0 && options.verify {
+                meshes
+                    .fields
+                    .par_iter_mut()
+                    .for_each(|field| field.verify(light));
+                meshes.gather_peak();
+                levels = meshes.levels();
+            }
+            let n_marked = count(&levels);
             progress(n_elements, 1.0 - n_marked as f64 / n_elements.max(1) as f64);
             meshes.ended = if n_marked == 0 {
                 Ended::ToleranceReached
@@ -117,7 +129,18 @@ impl DirectMeshes {
 
     /// Evaluates what is new and brings the peak up to date.
     pub(crate) fn evaluate(&mut self, light: &dyn Light) {
-        self.fields.par_iter_mut().for_each(|field| field.evaluate(light));
+        self.fields
+            .par_iter_mut()
+            .for_each(|field| field.evaluate(light));
+        self.gather_peak();
+    }
+
+    fn levels(&self) -> Vec<Vec<u8>> {
+        let allowed = self.allowed();
+        self.fields.par_iter().map(|f| f.levels(&allowed)).collect()
+    }
+
+    fn gather_peak(&mut self) {
         for field in &self.fields {
             for (band, value) in self.peak.iter_mut().zip(&field.peak) {
                 *band = f64::max(*band, *value);
@@ -187,7 +210,11 @@ impl DirectMeshes {
             receivers,
             peak,
             measured_max_error: max,
-            measured_rms_error: if area > 0.0 { (square / area).sqrt() } else { 0.0 },
+            measured_rms_error: if area > 0.0 {
+                (square / area).sqrt()
+            } else {
+                0.0
+            },
             ended,
         }
     }

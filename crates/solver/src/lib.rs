@@ -7,6 +7,4 @@ mod radiosity;
 
 pub use direct::{DirectMeshes, DirectOptions, DirectSolution, Ended, Tolerance};
 pub use field::{Light, Receiver, ReceiverMesh, Sample};
-pub use radiosity::{
-    Power, RadiosityOptions, RadiositySolution, RowSums, solve_radiosity,
-};
+pub use radiosity::{Power, RadiosityOptions, RadiositySolution, RowSums, solve_radiosity};

@@ -13,13 +13,21 @@ struct Random(u64);
 
 impl Random {
     fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
 }
 
 fn surface(name: String, material: &str, vertices: Vec<DVec3>) -> SurfaceInput {
-    SurfaceInput { name, material: material.into(), vertices, holes: vec![] }
+    SurfaceInput {
+        name,
+        material: material.into(),
+        vertices,
+        holes: vec![],
+    }
 }
 
 /// Floor 0, light 1, then the occluders.
@@ -31,7 +39,12 @@ fn scene(occluders: Vec<Vec<DVec3>>) -> Scene {
         two_sided: false,
     };
     let square = |h: f64, z: f64, up: bool| {
-        let mut corners = vec![dvec3(-h, -h, z), dvec3(h, -h, z), dvec3(h, h, z), dvec3(-h, h, z)];
+        let mut corners = vec![
+            dvec3(-h, -h, z),
+            dvec3(h, -h, z),
+            dvec3(h, h, z),
+            dvec3(-h, h, z),
+        ];
         if !up {
             corners.reverse();
         }
@@ -53,7 +66,10 @@ fn scene(occluders: Vec<Vec<DVec3>>) -> Scene {
 }
 
 fn quad(center: DVec3, half: f64, turn: f64) -> Vec<DVec3> {
-    let (u, v) = (dvec3(turn.cos(), turn.sin(), 0.0), dvec3(-turn.sin(), turn.cos(), 0.0));
+    let (u, v) = (
+        dvec3(turn.cos(), turn.sin(), 0.0),
+        dvec3(-turn.sin(), turn.cos(), 0.0),
+    );
     [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
         .map(|(a, b)| center + (u * a + v * b) * half)
         .to_vec()
@@ -70,11 +86,18 @@ fn scenes() -> Vec<(String, Scene)> {
     let mut random = Random(1);
     let mut all = vec![
         ("no occluder".to_owned(), scene(vec![])),
-        ("1 quad".to_owned(), scene(vec![quad(dvec3(0.1, 0.05, 1.0), 0.25, 0.5)])),
+        (
+            "1 quad".to_owned(),
+            scene(vec![quad(dvec3(0.1, 0.05, 1.0), 0.25, 0.5)]),
+        ),
     ];
     let mut thirteen = vec![quad(dvec3(0.1, 0.05, 1.0), 0.25, 0.5)];
     for _ in 0..12 {
-        let center = dvec3(random.next() - 0.5, random.next() - 0.5, 0.6 + 0.8 * random.next());
+        let center = dvec3(
+            random.next() - 0.5,
+            random.next() - 0.5,
+            0.6 + 0.8 * random.next(),
+        );
         thirteen.push(triangle(&mut random, center, 0.3));
     }
     all.push(("1 quad and 12 triangles".to_owned(), scene(thirteen)));
@@ -83,8 +106,11 @@ fn scenes() -> Vec<(String, Scene)> {
         let size = 1.2 / f64::from(n).sqrt();
         let occluders = (0..n)
             .map(|_| {
-                let center =
-                    dvec3(0.5 * (random.next() - 0.5), 0.5 * (random.next() - 0.5), 0.9 + 0.2 * random.next());
+                let center = dvec3(
+                    0.5 * (random.next() - 0.5),
+                    0.5 * (random.next() - 0.5),
+                    0.9 + 0.2 * random.next(),
+                );
                 triangle(&mut random, center, size)
             })
             .collect();
@@ -118,7 +144,9 @@ fn exact_evaluation(criterion: &mut Criterion) {
         let scale = scene.frame.scale;
         let points: Vec<DVec3> = (0..64)
             .map(|_| {
-                scene.frame.to_scene(dvec3(random.next() - 0.5, random.next() - 0.5, 0.0))
+                scene
+                    .frame
+                    .to_scene(dvec3(random.next() - 0.5, random.next() - 0.5, 0.0))
             })
             .collect();
         assert!(scale > 0.0, "scenes have a scale");

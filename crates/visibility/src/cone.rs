@@ -57,12 +57,20 @@ pub(crate) fn cone(
         return 0;
     }
     let start = out.len();
-    out.push(HalfSpace { normal: normal * sign, offset: height.abs(), tolerance });
+    out.push(HalfSpace {
+        normal: normal * sign,
+        offset: height.abs(),
+        tolerance,
+    });
     let n = corners.len();
     for i in 0..n {
         let (a, b) = (corners[i], corners[if i + 1 == n { 0 } else { i + 1 }]);
         let plane = edge_plane(a, b, point, approach) * sign;
-        out.push(HalfSpace { normal: plane, offset: 0.0, tolerance: tolerance * l1(plane) });
+        out.push(HalfSpace {
+            normal: plane,
+            offset: 0.0,
+            tolerance: tolerance * l1(plane),
+        });
     }
     out.len() - start
 }
@@ -73,7 +81,13 @@ fn l1(v: DVec3) -> f64 {
 }
 
 /// The normal of the plane through `point` and the edge `ab`: `(a−p) × (b−p)`.
+///
+/// Computed from the edge's ends in a fixed order, so that the two faces at an edge
+/// find the same plane bit for bit and no light comes through between them.
 fn edge_plane(a: DVec3, b: DVec3, point: DVec3, approach: Option<&Approach>) -> DVec3 {
+    if (a.x, a.y, a.z) > (b.x, b.y, b.z) {
+        return -edge_plane(b, a, point, approach);
+    }
     let (qa, e) = (a - point, b - a);
     if let Some(approach) = approach
         && distance_to_segment_sq(qa, e) <= approach.radius * approach.radius
@@ -93,7 +107,11 @@ fn edge_plane(a: DVec3, b: DVec3, point: DVec3, approach: Option<&Approach>) -> 
 /// Squared distance of the origin from the segment `q + t e`, 0 ≤ t ≤ 1.
 pub(crate) fn distance_to_segment_sq(q: DVec3, e: DVec3) -> f64 {
     let length_sq = e.length_squared();
-    let t = if length_sq > 0.0 { (-q.dot(e) / length_sq).clamp(0.0, 1.0) } else { 0.0 };
+    let t = if length_sq > 0.0 {
+        (-q.dot(e) / length_sq).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
     (q + e * t).length_squared()
 }
 
@@ -136,7 +154,10 @@ impl Double {
         let (ah, al) = Self::halves(self.high);
         let (bh, bl) = Self::halves(other.high);
         let exact_tail = ((ah * bh - high) + ah * bl + al * bh) + al * bl;
-        Self { high, low: exact_tail + (self.high * other.low + self.low * other.high) }
+        Self {
+            high,
+            low: exact_tail + (self.high * other.low + self.low * other.high),
+        }
     }
 
     fn halves(x: f64) -> (f64, f64) {

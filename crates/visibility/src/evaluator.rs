@@ -83,7 +83,11 @@ impl View {
 
     /// The emitters this receiver may see, as positions in [`Evaluator::emitters`].
     pub fn visible_emitters(&self) -> impl Iterator<Item = usize> + '_ {
-        self.candidates.iter().enumerate().filter(|(_, c)| c.is_some()).map(|(i, _)| i)
+        self.candidates
+            .iter()
+            .enumerate()
+            .filter(|(_, c)| c.is_some())
+            .map(|(i, _)| i)
     }
 }
 
@@ -116,6 +120,9 @@ struct Cone {
 /// 24 plane tests of a list cost about what the walk down a tree of a thousand
 /// boxes costs (see the benchmark `exact_evaluation`).
 const LONGEST_LIST: usize = 24;
+
+/// A visible share this small is the rounding of the cuts: nothing is visible.
+const DARK: f64 = 8.0 * f64::EPSILON;
 
 /// More candidates than this in one fragment, and the fragment is cut in two.
 const FLAT_CANDIDATES: usize = 6;
@@ -158,13 +165,26 @@ impl<'s> Evaluator<'s> {
                 let face = scene.face(id);
                 let pieces = scene.pieces[face.pieces.start as usize..face.pieces.end as usize]
                     .iter()
-                    .map(|p| EmitterPiece { corners: scene.positions(&p.vertices) })
+                    .map(|p| EmitterPiece {
+                        corners: scene.positions(&p.vertices),
+                    })
                     .collect();
                 let bounds = Aabb::of(scene.positions(&face.outline));
-                Emitter { face: id, plane: face.plane, normal: face.normal, pieces, bounds }
+                Emitter {
+                    face: id,
+                    plane: face.plane,
+                    normal: face.normal,
+                    pieces,
+                    bounds,
+                }
             })
             .collect();
-        Self { scene, occluders, corners, emitters }
+        Self {
+            scene,
+            occluders,
+            corners,
+            emitters,
+        }
     }
 
     /// The scene.
@@ -191,17 +211,28 @@ impl<'s> Evaluator<'s> {
                     return None;
                 }
                 let lamp = self.scene.positions(&self.scene.face(emitter.face).outline);
-                self.shaft((&outline, face.normal, face.plane), (&lamp, emitter.normal, emitter.plane))
+                self.shaft(
+                    (&outline, face.normal, face.plane),
+                    (&lamp, emitter.normal, emitter.plane),
+                )
             })
             .collect();
-        View { normal: face.normal, plane: Some(face.plane), candidates }
+        View {
+            normal: face.normal,
+            plane: Some(face.plane),
+            candidates,
+        }
     }
 
     /// Prepares evaluations at free sensors with this unit normal.
     #[must_use]
     pub fn free_view(&self, normal: DVec3) -> View {
         let candidates = vec![Some(Candidates::Tree); self.emitters.len()];
-        View { normal, plane: None, candidates }
+        View {
+            normal,
+            plane: None,
+            candidates,
+        }
     }
 
     /// The occluders that may stand between two polygons; `None` if these cannot
@@ -212,7 +243,11 @@ impl<'s> Evaluator<'s> {
         (b, normal_b, plane_b): (&[DVec3], DVec3, PlaneId),
     ) -> Option<Candidates> {
         let list = self.between(a, (normal_a, plane_a), b, (normal_b, plane_b))?;
-        Some(if list.len() > LONGEST_LIST { Candidates::Tree } else { Candidates::List(list) })
+        Some(if list.len() > LONGEST_LIST {
+            Candidates::Tree
+        } else {
+            Candidates::List(list)
+        })
     }
 
     /// All occluders (positions in [`Scene::pieces`]) that may hide a part of `b`
@@ -244,7 +279,9 @@ impl<'s> Evaluator<'s> {
             for i in 0..edges.len() {
                 let (p, q) = (edges[i], edges[(i + 1) % edges.len()]);
                 for &r in points {
-                    let Some(normal) = (q - p).cross(r - p).try_normalize() else { continue };
+                    let Some(normal) = (q - p).cross(r - p).try_normalize() else {
+                        continue;
+                    };
                     let offset = normal.dot(p);
                     let (mut lo, mut hi) = (0.0f64, 0.0f64);
                     for &x in a.iter().chain(b) {
@@ -263,7 +300,9 @@ impl<'s> Evaluator<'s> {
         self.scene.tree.visit(
             |b| {
                 b.meets(&bounds)
-                    && walls.iter().all(|&(n, d)| -b.max_along(-n) <= d + tolerance)
+                    && walls
+                        .iter()
+                        .all(|&(n, d)| -b.max_along(-n) <= d + tolerance)
             },
             |piece| {
                 let occluder = &self.occluders[piece as usize];
@@ -311,19 +350,35 @@ impl<'s> Evaluator<'s> {
         factors: &mut [f64],
     ) {
         assert_eq!(factors.len(), self.emitters.len(), "one factor per emitter");
-        for ((emitter, candidates), factor) in
-            self.emitters.iter().zip(&view.candidates).zip(factors.iter_mut())
+        for ((emitter, candidates), factor) in self
+            .emitters
+            .iter()
+            .zip(&view.candidates)
+            .zip(factors.iter_mut())
         {
             *factor = 0.0;
-            let Some(candidates) = candidates else { continue };
+            let Some(candidates) = candidates else {
+                continue;
+            };
             for piece in &emitter.pieces {
-                let source =
-                    Source { corners: &piece.corners, normal: emitter.normal, plane: emitter.plane };
+                let source = Source {
+                    corners: &piece.corners,
+                    normal: emitter.normal,
+                    plane: emitter.plane,
+                };
                 let list = match candidates {
                     Candidates::List(list) => Some(list.as_slice()),
                     Candidates::Tree => None,
                 };
-                *factor += self.factor(view, &source, emitter.bounds, list, point, approach, scratch);
+                *factor += self.factor(
+                    view,
+                    &source,
+                    emitter.bounds,
+                    list,
+                    point,
+                    approach,
+                    scratch,
+                );
             }
         }
     }
@@ -372,13 +427,24 @@ impl<'s> Evaluator<'s> {
         scratch: &mut Scratch,
         mut visit: impl FnMut(&[DVec3], f64),
     ) -> f64 {
-        let view = View { normal, plane, candidates: Vec::new() };
+        let view = View {
+            normal,
+            plane,
+            candidates: Vec::new(),
+        };
         let bounds = Aabb::of(source.corners.iter().copied());
         let factor = self.factor(&view, source, bounds, occluders, point, approach, scratch);
         let is_whole = scratch.visible.len() == 1;
         for &fragment in &scratch.visible {
             let corners = scratch.fragments.corners(fragment);
-            visit(corners, if is_whole { factor } else { contour_sum(corners, normal) });
+            visit(
+                corners,
+                if is_whole {
+                    factor
+                } else {
+                    contour_sum(corners, normal)
+                },
+            );
         }
         factor
     }
@@ -403,8 +469,7 @@ impl<'s> Evaluator<'s> {
             return 0.0;
         }
 
-        scratch.slack =
-            approach.map_or(0.0, |a| 4.0 * a.radius) + self.scene.plane_tolerance();
+        scratch.slack = approach.map_or(0.0, |a| 4.0 * a.radius) + self.scene.plane_tolerance();
 
         // The source relative to the point, above the horizon.
         let parts = relative_source(source, point, approach, &mut scratch.fragments);
@@ -413,8 +478,11 @@ impl<'s> Evaluator<'s> {
             .iter()
             .fold(0.0f64, |most, &c| most.max((c - point).length_squared()))
             .sqrt();
-        let horizon =
-            HalfSpace { normal: view.normal, offset: 0.0, tolerance: 16.0 * f64::EPSILON * reach };
+        let horizon = HalfSpace {
+            normal: view.normal,
+            offset: 0.0,
+            tolerance: 16.0 * f64::EPSILON * reach,
+        };
         let lit: smallvec::SmallVec<[Fragment; 4]> = parts
             .into_iter()
             .filter_map(|part| match scratch.fragments.position(part, &horizon) {
@@ -435,10 +503,19 @@ impl<'s> Evaluator<'s> {
             }
             let corners = self.occluder_corners(piece);
             let halves = scratch.halves.len() as u32;
-            let n = cone(&mut scratch.halves, corners, occluder.normal, point, approach, reach);
+            let n = cone(
+                &mut scratch.halves,
+                corners,
+                occluder.normal,
+                point,
+                approach,
+                reach,
+            );
             if n > 0 {
                 let start = scratch.cone_corners.len() as u32;
-                scratch.cone_corners.extend(corners.iter().map(|&c| c - point));
+                scratch
+                    .cone_corners
+                    .extend(corners.iter().map(|&c| c - point));
                 scratch.cones.push(Cone {
                     halves,
                     n_halves: n as u32,
@@ -477,7 +554,11 @@ impl<'s> Evaluator<'s> {
             factor += contour_sum(scratch.fragments.corners(fragment), view.normal);
         }
         hidden.audit(factor, unoccluded);
-        factor.clamp(0.0, unoccluded.max(0.0))
+        if factor <= DARK * unoccluded {
+            scratch.visible.clear();
+            return 0.0;
+        }
+        factor.min(unoccluded)
     }
 
     /// Candidates of one point: pieces whose box meets the pyramid from the point
@@ -492,8 +573,14 @@ impl<'s> Evaluator<'s> {
         found: &mut Vec<u32>,
     ) {
         let slack = approach.map_or(0.0, |a| a.radius) + self.scene.plane_tolerance();
-        let around = Aabb { min: bounds.min.min(point), max: bounds.max.max(point) };
-        let around = Aabb { min: around.min - slack, max: around.max + slack };
+        let around = Aabb {
+            min: bounds.min.min(point),
+            max: bounds.max.max(point),
+        };
+        let around = Aabb {
+            min: around.min - slack,
+            max: around.max + slack,
+        };
         let n = source.corners.len();
         let mut walls: smallvec::SmallVec<[(DVec3, f64); 12]> = smallvec::SmallVec::new();
         walls.push((-view.normal, slack - view.normal.dot(point)));
@@ -552,7 +639,9 @@ fn relative_source(
         (0..n).any(|i| distance_to_segment_sq(edge(i).0, edge(i).1 - edge(i).0) <= r_sq);
     let is_inside = (0..n).all(|i| edge(i).0.cross(edge(i).1).dot(source.normal) > 0.0);
     if touches_plane && !touches_edge && is_inside {
-        return (0..n).map(|i| fragments.push([behind, edge(i).0, edge(i).1])).collect();
+        return (0..n)
+            .map(|i| fragments.push([behind, edge(i).0, edge(i).1]))
+            .collect();
     }
     let mut outline: smallvec::SmallVec<[DVec3; 8]> = smallvec::SmallVec::new();
     for i in 0..n {
@@ -577,7 +666,11 @@ fn visible_of(
 ) {
     // Which cones can hide a part of this fragment?
     let mut relevant: smallvec::SmallVec<[u32; 32]> = smallvec::SmallVec::new();
-    let sides = if list.len() > 2 { pyramid(scratch.fragments.corners(fragment), scratch.slack) } else { Sides::new() };
+    let sides = if list.len() > 2 {
+        pyramid(scratch.fragments.corners(fragment), scratch.slack)
+    } else {
+        Sides::new()
+    };
     for &c in list {
         match coverage(scratch, fragment, c, &sides) {
             Coverage::Nothing => {}
@@ -651,7 +744,10 @@ fn coverage(scratch: &Scratch, fragment: Fragment, c: u32, sides: &Sides) -> Cov
     let corners =
         &scratch.cone_corners[cone.corners as usize..(cone.corners + cone.n_corners) as usize];
     // A side of the pyramid that has the whole occluder outside.
-    if sides.iter().any(|&(side, slack)| corners.iter().all(|q| side.dot(*q) < -slack)) {
+    if sides
+        .iter()
+        .any(|&(side, slack)| corners.iter().all(|q| side.dot(*q) < -slack))
+    {
         return Coverage::Nothing;
     }
     let halves = &scratch.halves[cone.halves as usize..(cone.halves + cone.n_halves) as usize];
@@ -767,7 +863,11 @@ fn middle_plane(corners: &[DVec3]) -> Option<HalfSpace> {
         return None;
     }
     let normal = middle.cross(centroid).try_normalize()?;
-    Some(HalfSpace { normal, offset: 0.0, tolerance: 16.0 * f64::EPSILON * reach_sq.sqrt() })
+    Some(HalfSpace {
+        normal,
+        offset: 0.0,
+        tolerance: 16.0 * f64::EPSILON * reach_sq.sqrt(),
+    })
 }
 
 /// The audit of an evaluation, in debug builds: visible and hidden parts must add

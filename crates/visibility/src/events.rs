@@ -36,8 +36,14 @@ pub enum EventKind {
 
 impl EventKind {
     /// All kinds, in the order of reports.
-    pub const ALL: [Self; 6] =
-        [Self::Ve, Self::Ee, Self::Eee, Self::Facet, Self::Horizon, Self::Contact];
+    pub const ALL: [Self; 6] = [
+        Self::Ve,
+        Self::Ee,
+        Self::Eee,
+        Self::Facet,
+        Self::Horizon,
+        Self::Contact,
+    ];
 
     /// The key used in reports and on the command line.
     #[must_use]
@@ -205,7 +211,9 @@ pub fn critical_curves(
         let key = |c: &CriticalCurve| (c.event, c.emitter);
         key(a).cmp(&key(b)).then_with(|| {
             let flat = |c: &CriticalCurve| c.points.iter().map(DVec3::to_array).collect::<Vec<_>>();
-            flat(a).partial_cmp(&flat(b)).unwrap_or(std::cmp::Ordering::Equal)
+            flat(a)
+                .partial_cmp(&flat(b))
+                .unwrap_or(std::cmp::Ordering::Equal)
         })
     });
     for curve in &result.curves {
@@ -276,7 +284,11 @@ impl<'e, 's> Tracer<'e, 's> {
     }
 
     fn push(&mut self, event: Event, emitter: Option<FaceId>, points: Vec<DVec3>) {
-        self.result.curves.push(CriticalCurve { event, emitter, points });
+        self.result.curves.push(CriticalCurve {
+            event,
+            emitter,
+            points,
+        });
     }
 
     /// The trace of the plane through `point` with this normal on the receiver.
@@ -290,7 +302,11 @@ impl<'e, 's> Tracer<'e, 's> {
         // From the receiver's first corner along the steepest way to the plane.
         let across = normal - n * n.dot(normal);
         let origin = self.origin - across * (normal.dot(self.origin - point) / sine_sq);
-        Some(Trace { origin, direction: along / sine_sq.sqrt(), normal })
+        Some(Trace {
+            origin,
+            direction: along / sine_sq.sqrt(),
+            normal,
+        })
     }
 
     /// Where a trace runs inside the receiver, each end a little longer so that
@@ -338,7 +354,10 @@ impl<'e, 's> Tracer<'e, 's> {
     fn contacts(&mut self) {
         let r = self.contact_radius;
         let bounds = antumbra_scene::Aabb::of(self.loops[0].iter().copied());
-        let near = antumbra_scene::Aabb { min: bounds.min - r, max: bounds.max + r };
+        let near = antumbra_scene::Aabb {
+            min: bounds.min - r,
+            max: bounds.max + r,
+        };
         let mut faces: Vec<FaceId> = Vec::new();
         self.scene.tree.visit(
             |b| b.meets(&near),
@@ -364,7 +383,10 @@ impl<'e, 's> Tracer<'e, 's> {
         };
         let all: Vec<DVec3> = face.loops().flat_map(|l| self.scene.positions(l)).collect();
         let all_heights = heights(&all, self);
-        let highest = all_heights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let highest = all_heights
+            .iter()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max);
         if highest <= self.tolerance {
             return; // Nothing of it is over the receiver's front.
         }
@@ -385,16 +407,25 @@ impl<'e, 's> Tracer<'e, 's> {
             let corners = self.scene.positions(&piece.vertices);
             let h = heights(&corners, self);
             if h.iter().any(|&h| h > r) && h.iter().any(|&h| h < -r) {
-                let h: Vec<f64> = h.iter().map(|&h| if h.abs() <= r { 0.0 } else { h }).collect();
+                let h: Vec<f64> = h
+                    .iter()
+                    .map(|&h| if h.abs() <= r { 0.0 } else { h })
+                    .collect();
                 if let Some((a, b)) = chord(&corners, &h) {
                     segments.push((a, b));
                 }
             }
         }
         for (a, b) in segments {
-            let Some(direction) = (b - a).try_normalize() else { continue };
+            let Some(direction) = (b - a).try_normalize() else {
+                continue;
+            };
             let normal = direction.cross(self.face.normal);
-            let trace = Trace { origin: a, direction, normal };
+            let trace = Trace {
+                origin: a,
+                direction,
+                normal,
+            };
             let length = (b - a).length();
             let inside = self.inside_receiver_or_border(&trace);
             let active = Intervals::one(0.0, length).intersect(&inside);
@@ -478,7 +509,9 @@ impl<'e, 's> Tracer<'e, 's> {
     fn horizon(&mut self, shaft: &Shaft<'_>) {
         let lamp = shaft.lamp;
         let sides = |t: f64| {
-            self.loops[0].iter().any(|&x| shaft.lamp_height(x) * t > self.tolerance)
+            self.loops[0]
+                .iter()
+                .any(|&x| shaft.lamp_height(x) * t > self.tolerance)
         };
         self.result.candidates[EventKind::Horizon as usize] += 1;
         if !(sides(1.0) && sides(-1.0)) {
@@ -487,7 +520,12 @@ impl<'e, 's> Tracer<'e, 's> {
         let point = self.scene.position(lamp.outline[0]);
         if let Some(trace) = self.trace(point, lamp.normal) {
             let inside = self.inside_receiver(&trace);
-            self.emit(Event::EmitterPlane(shaft.emitter), Some(shaft.emitter), &trace, &inside);
+            self.emit(
+                Event::EmitterPlane(shaft.emitter),
+                Some(shaft.emitter),
+                &trace,
+                &inside,
+            );
         }
     }
 
@@ -497,7 +535,9 @@ impl<'e, 's> Tracer<'e, 's> {
             self.result.candidates[EventKind::Facet as usize] += 1;
             let face = self.scene.face(id);
             let plane = self.scene.planes[face.plane.index()];
-            let Some(trace) = self.trace(plane.point, plane.normal) else { continue };
+            let Some(trace) = self.trace(plane.point, plane.normal) else {
+                continue;
+            };
             let inside = self.inside_receiver(&trace);
             if inside.is_empty() {
                 continue;
@@ -513,7 +553,8 @@ impl<'e, 's> Tracer<'e, 's> {
                         if d.abs() <= self.tolerance { 0.0 } else { d }
                     })
                     .collect();
-                if h.iter().any(|&h| h > 0.0) && h.iter().any(|&h| h < 0.0)
+                if h.iter().any(|&h| h > 0.0)
+                    && h.iter().any(|&h| h < 0.0)
                     && let Some((a, b)) = chord(&corners, &h)
                 {
                     lamp_points.extend([a, b]);
@@ -567,13 +608,20 @@ impl<'e, 's> Tracer<'e, 's> {
     /// D1: an occluder's edge in one plane with an emitter's edge.
     fn coplanar_edges(&mut self, shaft: &Shaft<'_>, lamp_edge: EdgeId, edge: EdgeId) {
         self.result.candidates[EventKind::Ee as usize] += 1;
-        let Some(normal) = self.common_plane(lamp_edge, edge) else { return };
+        if self.lies_on_receiver(edge) {
+            return;
+        }
+        let Some(normal) = self.common_plane(lamp_edge, edge) else {
+            return;
+        };
         if !is_silhouette(self.scene, edge, normal) {
             return;
         }
         let [u, w] = self.ends(lamp_edge);
         let ends = self.ends(edge);
-        let Some(trace) = self.trace(u, normal) else { return };
+        let Some(trace) = self.trace(u, normal) else {
+            return;
+        };
         let inside = self.inside_receiver(&trace);
         if inside.is_empty() {
             return;
@@ -586,7 +634,10 @@ impl<'e, 's> Tracer<'e, 's> {
         }
         marks.sort_by(f64::total_cmp);
         marks.dedup_by(|a, b| *a - *b <= 1e-12 * self.size);
-        let event = Event::CoplanarEdges { emitter: lamp_edge, occluder: edge };
+        let event = Event::CoplanarEdges {
+            emitter: lamp_edge,
+            occluder: edge,
+        };
         // It breaks where the projections of the ends lie.
         for pair in marks.windows(2) {
             let active = Intervals::one(pair[0], pair[1]).intersect(&inside);
@@ -595,7 +646,9 @@ impl<'e, 's> Tracer<'e, 's> {
     }
 
     fn ends(&self, edge: EdgeId) -> [DVec3; 2] {
-        self.scene.edges[edge.index()].ends.map(|v| self.scene.position(v))
+        self.scene.edges[edge.index()]
+            .ends
+            .map(|v| self.scene.position(v))
     }
 
     /// The unit normal of the plane that holds both edges, if one does.
@@ -612,7 +665,10 @@ impl<'e, 's> Tracer<'e, 's> {
             return None; // One line.
         }
         let normal = normal.try_normalize()?;
-        let spread = [a, b, c, d].iter().map(|&x| normal.dot(x - a).abs()).fold(0.0, f64::max);
+        let spread = [a, b, c, d]
+            .iter()
+            .map(|&x| normal.dot(x - a).abs())
+            .fold(0.0, f64::max);
         (spread <= 4.0 * self.tolerance).then_some(normal)
     }
 
@@ -621,11 +677,14 @@ impl<'e, 's> Tracer<'e, 's> {
         self.result.candidates[EventKind::Ve as usize] += 1;
         let v = self.scene.position(vertex);
         let ends = &self.scene.edges[edge.index()].ends;
-        if ends.contains(&vertex) || self.height(v) <= self.tolerance {
+        if ends.contains(&vertex) || self.height(v) <= self.tolerance || self.lies_on_receiver(edge)
+        {
             return;
         }
         let [a, b] = self.ends(edge);
-        let Some(normal) = wedge_normal(v, a, b) else { return };
+        let Some(normal) = wedge_normal(v, a, b) else {
+            return;
+        };
         if !is_silhouette(self.scene, edge, normal) {
             return;
         }
@@ -634,12 +693,16 @@ impl<'e, 's> Tracer<'e, 's> {
         if shaft.is_lamp_edge_in_plane(self, vertex, v, normal) {
             return;
         }
-        let Some(trace) = self.trace(v, normal) else { return };
+        let Some(trace) = self.trace(v, normal) else {
+            return;
+        };
         let inside = self.inside_receiver(&trace);
         if inside.is_empty() {
             return;
         }
-        let Some((from, to)) = self.shadow_in_plane(shaft, &trace, &[v], &[a, b]) else { return };
+        let Some((from, to)) = self.shadow_in_plane(shaft, &trace, &[v], &[a, b]) else {
+            return;
+        };
         let mut active = Intervals::one(from, to).intersect(&inside);
         active = active.intersect(&self.in_front_of(shaft, &trace));
         self.subtract_blocked(shaft, &trace, v, None, &[vertex], &mut active);
@@ -659,7 +722,9 @@ impl<'e, 's> Tracer<'e, 's> {
             return;
         }
         let [u, w] = self.ends(lamp_edge);
-        let Some(normal) = wedge_normal(a, u, w) else { return };
+        let Some(normal) = wedge_normal(a, u, w) else {
+            return;
+        };
         // A silhouette edge at this vertex in the same plane makes it an EE event.
         let edges = shaft.edges_at(vertex);
         if edges.iter().any(|&e| {
@@ -668,7 +733,9 @@ impl<'e, 's> Tracer<'e, 's> {
         }) {
             return;
         }
-        let Some(trace) = self.trace(a, normal) else { return };
+        let Some(trace) = self.trace(a, normal) else {
+            return;
+        };
         let inside = self.inside_receiver(&trace);
         if inside.is_empty() {
             return;
@@ -712,13 +779,24 @@ impl<'e, 's> Tracer<'e, 's> {
         active.sort_by(|x, y| x.0.total_cmp(&y.0));
         let mut active = Intervals::from_sorted(active).intersect(&inside);
         self.subtract_blocked(shaft, &trace, a, Some(()), &[vertex], &mut active);
-        let event = Event::EmitterEdge { edge: lamp_edge, vertex };
+        let event = Event::EmitterEdge {
+            edge: lamp_edge,
+            vertex,
+        };
         self.emit(event, Some(shaft.emitter), &trace, &active);
+    }
+
+    /// Is the edge a contact, whose shadow is the edge itself?
+    fn lies_on_receiver(&self, edge: EdgeId) -> bool {
+        self.ends(edge)
+            .iter()
+            .all(|&x| self.height(x) <= self.contact_radius)
     }
 
     fn other_end(&self, edge: EdgeId, vertex: VertexId) -> DVec3 {
         let ends = self.scene.edges[edge.index()].ends;
-        self.scene.position(if ends[0] == vertex { ends[1] } else { ends[0] })
+        self.scene
+            .position(if ends[0] == vertex { ends[1] } else { ends[0] })
     }
 
     /// The part of a trace in front of the emitter.
@@ -727,10 +805,18 @@ impl<'e, 's> Tracer<'e, 's> {
         let at_origin = shaft.lamp_height(trace.origin);
         let far = 1e9;
         if slope.abs() < 1e-12 {
-            return if at_origin > 0.0 { Intervals::one(-far, far) } else { Intervals::default() };
+            return if at_origin > 0.0 {
+                Intervals::one(-far, far)
+            } else {
+                Intervals::default()
+            };
         }
         let zero = -at_origin / slope;
-        if slope > 0.0 { Intervals::one(zero, far) } else { Intervals::one(-far, zero) }
+        if slope > 0.0 {
+            Intervals::one(zero, far)
+        } else {
+            Intervals::one(-far, zero)
+        }
     }
 
     /// Removes from `active` where a surface stands in the pencil of lines with
@@ -754,19 +840,28 @@ impl<'e, 's> Tracer<'e, 's> {
             if piece.vertices.iter().any(|v| skip.contains(v)) {
                 continue;
             }
-            let corners: smallvec::SmallVec<[DVec3; 8]> =
-                piece.vertices.iter().map(|&v| self.scene.position(v)).collect();
+            let corners: smallvec::SmallVec<[DVec3; 8]> = piece
+                .vertices
+                .iter()
+                .map(|&v| self.scene.position(v))
+                .collect();
             let sides: smallvec::SmallVec<[f64; 8]> = corners
                 .iter()
                 .map(|&c| {
                     let d = trace.normal.dot(c - apex);
-                    if d.abs() <= 4.0 * self.tolerance { 0.0 } else { d }
+                    if d.abs() <= 4.0 * self.tolerance {
+                        0.0
+                    } else {
+                        d
+                    }
                 })
                 .collect();
             if !(sides.iter().any(|&d| d > 0.0) && sides.iter().any(|&d| d < 0.0)) {
                 continue;
             }
-            let Some((p, q)) = chord(&corners, &sides) else { continue };
+            let Some((p, q)) = chord(&corners, &sides) else {
+                continue;
+            };
             let in_front = clip(&[p, q], |x| shaft.lamp_height(x));
             let below = clip(&in_front, |x| top * (1.0 - NEAR_APEX) - self.height(x));
             let below = clip(&below, |x| self.height(x));
@@ -807,7 +902,10 @@ struct Shaft<'s> {
 impl<'s> Shaft<'s> {
     fn new(scene: &'s Scene, emitter: FaceId, pieces: &[u32]) -> Self {
         let lamp = scene.face(emitter);
-        let mut faces: Vec<FaceId> = pieces.iter().map(|&p| scene.pieces[p as usize].face).collect();
+        let mut faces: Vec<FaceId> = pieces
+            .iter()
+            .map(|&p| scene.pieces[p as usize].face)
+            .collect();
         faces.dedup();
         faces.sort_unstable();
         faces.dedup();
@@ -818,11 +916,16 @@ impl<'s> Shaft<'s> {
                 })
                 .collect()
         };
-        let mut edges: Vec<EdgeId> = faces.iter().flat_map(|&f| edges_of(scene.face(f))).collect();
+        let mut edges: Vec<EdgeId> = faces
+            .iter()
+            .flat_map(|&f| edges_of(scene.face(f)))
+            .collect();
         edges.sort_unstable();
         edges.dedup();
-        let mut vertices: Vec<VertexId> =
-            edges.iter().flat_map(|e| scene.edges[e.index()].ends).collect();
+        let mut vertices: Vec<VertexId> = edges
+            .iter()
+            .flat_map(|e| scene.edges[e.index()].ends)
+            .collect();
         vertices.sort_unstable();
         vertices.dedup();
         let mut edges_at = vec![Vec::new(); vertices.len()];
@@ -866,7 +969,9 @@ impl<'s> Shaft<'s> {
     }
 
     fn edges_at(&self, vertex: VertexId) -> &[EdgeId] {
-        self.vertices.binary_search(&vertex).map_or(&[], |i| &self.edges_at[i])
+        self.vertices
+            .binary_search(&vertex)
+            .map_or(&[], |i| &self.edges_at[i])
     }
 
     /// Does an edge of the emitter at `vertex` lie in the plane through it?
@@ -880,9 +985,7 @@ impl<'s> Shaft<'s> {
         self.lamp_edges
             .iter()
             .filter(|e| tracer.scene.edges[e.index()].ends.contains(&vertex))
-            .any(|&e| {
-                normal.dot(tracer.other_end(e, vertex) - v).abs() <= 4.0 * tracer.tolerance
-            })
+            .any(|&e| normal.dot(tracer.other_end(e, vertex) - v).abs() <= 4.0 * tracer.tolerance)
     }
 }
 
@@ -890,7 +993,8 @@ impl<'s> Shaft<'s> {
 /// nearly collinear.
 fn wedge_normal(v: DVec3, a: DVec3, b: DVec3) -> Option<DVec3> {
     let normal = (a - v).cross(b - v);
-    let scale_sq = (b - a).length_squared() * (a - v).length_squared().max((b - v).length_squared());
+    let scale_sq =
+        (b - a).length_squared() * (a - v).length_squared().max((b - v).length_squared());
     // 2⁻⁴⁰ of the product: below, the plane's direction is rounding.
     (normal.length_squared() > 2f64.powi(-80) * scale_sq).then(|| normal.normalize_or_zero())
 }
@@ -920,7 +1024,8 @@ fn is_silhouette(scene: &Scene, edge: EdgeId, normal: DVec3) -> bool {
 
 /// Does a face's outline (or hole) run from the first end to the second?
 fn runs_along(face: &Face, [a, b]: [VertexId; 2]) -> bool {
-    face.loops().any(|l| (0..l.len()).any(|i| l[i] == a && l[(i + 1) % l.len()] == b))
+    face.loops()
+        .any(|l| (0..l.len()).any(|i| l[i] == a && l[(i + 1) % l.len()] == b))
 }
 
 /// The chord in which a plane cuts a convex polygon, from the signed distances of

@@ -59,7 +59,10 @@ impl Fragments {
     pub(crate) fn push(&mut self, corners: impl IntoIterator<Item = DVec3>) -> Fragment {
         let start = self.corners.len();
         self.corners.extend(corners);
-        Fragment { start: start as u32, len: (self.corners.len() - start) as u32 }
+        Fragment {
+            start: start as u32,
+            len: (self.corners.len() - start) as u32,
+        }
     }
 
     #[inline]
@@ -112,8 +115,10 @@ impl Fragments {
                     self.corners.push(xa + (xb - xa) * (va / (va - vb)));
                 }
             }
-            sides[side] =
-                Fragment { start: first as u32, len: (self.corners.len() - first) as u32 };
+            sides[side] = Fragment {
+                start: first as u32,
+                len: (self.corners.len() - first) as u32,
+            };
         }
         (sides[0], sides[1])
     }
@@ -133,7 +138,11 @@ mod tests {
             dvec3(1.0, 1.0, 1.0),
             dvec3(0.0, 1.0, 1.0),
         ]);
-        let half = HalfSpace { normal: dvec3(1.0, 0.0, -0.25), offset: 0.0, tolerance: 1e-15 };
+        let half = HalfSpace {
+            normal: dvec3(1.0, 0.0, -0.25),
+            offset: 0.0,
+            tolerance: 1e-15,
+        };
         assert_eq!(fragments.position(square, &half), Position::Straddles);
         let (inside, outside) = fragments.split(square, &half);
         assert_eq!((inside.len, outside.len), (4, 4));

@@ -6,7 +6,11 @@ pub(crate) struct Intervals(Vec<(f64, f64)>);
 
 impl Intervals {
     pub(crate) fn one(from: f64, to: f64) -> Self {
-        if from < to { Self(vec![(from, to)]) } else { Self::default() }
+        if from < to {
+            Self(vec![(from, to)])
+        } else {
+            Self::default()
+        }
     }
 
     pub(crate) fn from_sorted(intervals: Vec<(f64, f64)>) -> Self {
