@@ -4,12 +4,11 @@
 //! of other faces and boxes stand on the floor all the time. The points are off
 //! the lattice: on a contact there is no single value.
 
+use antumbra::SceneInput;
 use antumbra::scene::SurfaceInput;
-use antumbra::{Evaluator, EventKinds, SceneInput};
-use antumbra_tests::cases::build;
 use antumbra_tests::motion::Motion;
 use antumbra_tests::scenes::{
-    Facing, add, add_box, add_horizontal, empty, exact, material, only_face, unoccluded,
+    Facing, add, add_box, add_horizontal, empty, exact, material, unoccluded,
 };
 use glam::{DVec3, dvec3};
 use proptest::prelude::*;
@@ -287,21 +286,6 @@ proptest! {
         let off = difference(&both, &sum);
         prop_assert!(off <= 1e-13 * (1.0 + factor), "off by {off:.1e}");
     }
-
-    /// Counts by kind survive a rotation, which leaves no coordinate as it was.
-    #[test]
-    fn rotation_keeps_the_number_of_curves_of_every_kind(scene in scene()) {
-        let (as_it_lies, turned) = (n_curves(&scene), n_curves(&Motion::skew().scene(&scene)));
-        prop_assert_eq!(as_it_lies, turned);
-    }
-}
-
-/// Curves of the floor by kind.
-fn n_curves(scene: &SceneInput) -> antumbra::visibility::CountByKind {
-    let scene = build(scene);
-    let evaluator = Evaluator::new(&scene);
-    let floor = only_face(&scene, "floor");
-    antumbra::visibility::critical_curves(&evaluator, floor, EventKinds::ALL, 1e-8).active
 }
 
 /// Every quadrilateral whose name starts so is cut along a diagonal.

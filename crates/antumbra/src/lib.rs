@@ -4,6 +4,31 @@
 //! alone decides. This library finds those curves, puts them into the mesh of
 //! every polygon, fills the mesh with exact values, and refines it until the
 //! measured error is below the tolerance.
+//!
+//! # Example
+//!
+//! ```
+//! use antumbra::{Control, Options, Scene, export, io, mesh};
+//!
+//! let text = r#"{ "antumbra": 1,
+//!   "materials": { "grey": { "reflectance": 0.5 }, "lamp": { "exitance": 1 } },
+//!   "surfaces": [
+//!     { "name": "floor", "material": "grey", "vertices": [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]] },
+//!     { "name": "lamp", "material": "lamp", "vertices": [[0, 1, 3], [1, 1, 3], [1, 0, 3], [0, 0, 3]] },
+//!     { "name": "plate", "material": "grey", "vertices": [[0, 0, 1], [1, 0, 1], [0, 1, 1]] } ] }"#;
+//!
+//! let input = io::scene_file::read(text)?;
+//! let scene = Scene::build(&input).map_err(|problems| format!("{problems:#?}"))?.scene;
+//! let meshed = mesh(&scene, &Options::default(), &Control::default())?;
+//! for receiver in &meshed.direct.receivers {
+//!     println!("{}: {} elements", scene.surface_of(receiver.face).name, receiver.n_elements());
+//! }
+//! println!("error at most {:.1e} of the peak", meshed.direct.measured_max_error);
+//! let mut vtu = Vec::new();
+//! io::write::vtu::write(&export(&scene, &meshed.direct, &meshed.curves, "ten lines"), &mut vtu)?;
+//! # assert!(meshed.direct.measured_max_error <= 1e-3);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod export;
 mod light;

@@ -57,13 +57,13 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
                 report.planes,
                 report.vertices,
                 report.edges,
-                report.extent.x,
-                report.extent.y,
-                report.extent.z,
+                tidy(report.extent.x),
+                tidy(report.extent.y),
+                tidy(report.extent.z),
                 report.extent_metres.x,
                 report.extent_metres.y,
                 report.extent_metres.z,
-                report.area,
+                tidy(report.area),
                 if report.closed { "closed" } else { "open" },
                 report.open_edges,
                 report.t_vertices,
@@ -106,4 +106,9 @@ fn problems(problems: &[Problem]) -> Vec<Value> {
             })
         })
         .collect()
+}
+
+/// A number without the last digits of its rounding: 2.03, not 2.0300000000000002.
+fn tidy(x: f64) -> f64 {
+    format!("{x:.11e}").parse().unwrap_or(x)
 }

@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::input::{self, Loaded};
 use crate::output;
 use crate::progress::Watch;
-use crate::report::{self, Result as Work2};
+use crate::report::{self, Outcome};
 use antumbra::{Control, Ended, Meshed, Solved};
 
 /// What is to be done.
@@ -18,20 +18,20 @@ pub(crate) enum Work {
 
 /// What was done.
 pub(crate) enum Done {
-    Meshed(Meshed),
+    Meshed(Box<Meshed>),
     Solved(Box<Solved>),
 }
 
 impl Done {
-    pub(crate) fn as_report(&self) -> Work2<'_> {
+    pub(crate) fn as_report(&self) -> Outcome<'_> {
         match self {
-            Self::Meshed(m) => Work2 {
+            Self::Meshed(m) => Outcome {
                 meshes: &m.direct,
                 curves: &m.curves,
                 events: &m.events,
                 radiosity: None,
             },
-            Self::Solved(s) => Work2 {
+            Self::Solved(s) => Outcome {
                 meshes: &s.radiosity.meshes,
                 curves: &s.curves,
                 events: &s.events,
@@ -54,7 +54,7 @@ pub(crate) fn run(mesh: &Mesh, work: Work) -> Result<Ending, Failure> {
         .iter()
         .map(|s| s.name.clone())
         .collect();
-    output::check_view(&mesh.picture, &names)?;
+    output::check_look(&mesh.picture, &names, work)?;
     let watch = Watch::new(common, &mesh.meshing);
     let done = compute(&loaded, &mesh.meshing, &watch, work)?;
     let result = done.as_report();
@@ -88,7 +88,9 @@ pub(crate) fn compute(
         progress: &|phase, done| watch.progress(phase, done),
     };
     let done = match work {
-        Work::Mesh => antumbra::mesh(&loaded.scene, &options, &control).map(Done::Meshed),
+        Work::Mesh => {
+            antumbra::mesh(&loaded.scene, &options, &control).map(|m| Done::Meshed(Box::new(m)))
+        }
         Work::Solve => {
             antumbra::solve(&loaded.scene, &options, &control).map(|s| Done::Solved(Box::new(s)))
         }
@@ -97,7 +99,7 @@ pub(crate) fn compute(
 }
 
 /// How the run ended.
-pub(crate) fn ending(watch: &Watch, result: &Work2<'_>) -> Ending {
+pub(crate) fn ending(watch: &Watch, result: &Outcome<'_>) -> Ending {
     if let Some(stopped) = watch.stopped() {
         return stopped;
     }
@@ -115,7 +117,7 @@ pub(crate) fn ending(watch: &Watch, result: &Work2<'_>) -> Ending {
 fn show(
     common: &Common,
     report: &serde_json::Value,
-    result: &Work2<'_>,
+    result: &Outcome<'_>,
     outputs: &[std::path::PathBuf],
 ) {
     if common.json {

@@ -2,6 +2,7 @@
 
 use crate::args::Picture;
 use crate::failure::Failure;
+use crate::mesh::Work;
 use antumbra::io::model::MeshedScene;
 use antumbra::io::{picture, write};
 use std::io::{BufWriter, Write};
@@ -22,6 +23,11 @@ pub(crate) enum Format {
 /// The formats of all outputs, checked before any work is done: the extension
 /// must be known and the folder must be there.
 pub(crate) fn formats(outputs: &[PathBuf], allowed: &[Format]) -> Result<Vec<Format>, Failure> {
+    for (i, path) in outputs.iter().enumerate() {
+        if outputs[..i].contains(path) {
+            return Err(Failure::usage(format!("{}: given twice", path.display())));
+        }
+    }
     outputs
         .iter()
         .map(|path| {
@@ -102,7 +108,14 @@ pub(crate) fn write(
             None => write::svg::write_all(scene, out),
         },
         Format::Png => {
-            let options = picture_options(look)?;
+            let mut options = picture_options(look)?;
+            let solved = scene
+                .surfaces
+                .iter()
+                .any(|s| s.field("irradiance").is_some());
+            if options.field.is_none() && solved {
+                options.field = Some("irradiance".to_owned());
+            }
             options.check(scene).map_err(std::io::Error::other)?;
             picture::write_png(&picture::render(scene, &options), out)
         }
@@ -147,8 +160,20 @@ fn named(name: &str) -> Option<picture::View> {
     Some(picture::View::Named(side))
 }
 
-/// Is `--view` one there is? Asked before any work is done.
-pub(crate) fn check_view(look: &Picture, surfaces: &[String]) -> Result<(), Failure> {
+/// Are `--view` and `--field` ones there are? Asked before any work is done.
+pub(crate) fn check_look(look: &Picture, surfaces: &[String], work: Work) -> Result<(), Failure> {
+    let fields: &[&str] = match work {
+        Work::Mesh => &["direct"],
+        Work::Solve => &["direct", "irradiance", "radiosity"],
+    };
+    if let Some(field) = &look.field
+        && !fields.contains(&field.as_str())
+    {
+        return Err(Failure::usage(format!(
+            "--field {field}: here the fields are {}",
+            fields.join(", ")
+        )));
+    }
     match look.view.strip_prefix("surface:") {
         Some(name) if !surfaces.iter().any(|s| s == name) => Err(Failure::usage(format!(
             "--view {}: there is no surface '{name}'",

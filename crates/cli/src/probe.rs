@@ -239,6 +239,7 @@ fn print_json(
             for (key, field) in header.iter().zip(&row.fields) {
                 let value = match field.parse::<f64>() {
                     Ok(x) if key != "surface" => serde_json::json!(x),
+                    _ if key != "surface" && field.is_empty() => serde_json::Value::Null,
                     _ => serde_json::json!(field),
                 };
                 object.insert(key.clone(), value);

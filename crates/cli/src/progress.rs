@@ -12,6 +12,10 @@ use std::time::{Duration, Instant};
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// The first Ctrl-C ends the work with what there is; the second ends the process.
+#[expect(
+    clippy::exit,
+    reason = "the user asks a second time: there is nothing left to wait for"
+)]
 pub(crate) fn catch_interrupts() {
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {

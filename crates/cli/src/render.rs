@@ -18,13 +18,13 @@ pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
         .iter()
         .map(|s| s.name.clone())
         .collect();
-    output::check_view(&render.picture, &names)?;
-    let watch = Watch::new(common, &render.meshing);
     let work = if render.direct {
         Work::Mesh
     } else {
         Work::Solve
     };
+    output::check_look(&render.picture, &names, work)?;
+    let watch = Watch::new(common, &render.meshing);
     let done = mesh::compute(&loaded, &render.meshing, &watch, work)?;
     let result = done.as_report();
     watch.finish();

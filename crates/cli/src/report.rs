@@ -10,7 +10,7 @@ use antumbra::{
 use serde_json::{Map, Value, json};
 
 /// What is reported on.
-pub(crate) struct Result<'a> {
+pub(crate) struct Outcome<'a> {
     pub(crate) meshes: &'a DirectSolution,
     pub(crate) curves: &'a [ReceiverCurves],
     pub(crate) events: &'a EventCounts,
@@ -21,7 +21,7 @@ pub(crate) struct Result<'a> {
 pub(crate) fn document(
     loaded: &Loaded,
     meshing: &Meshing,
-    result: &Result<'_>,
+    result: &Outcome<'_>,
     phases: &[(&'static str, f64)],
     total: f64,
 ) -> Value {
@@ -102,8 +102,11 @@ pub(crate) fn document(
             .row_sums
             .iter()
             .map(|r| {
+                let surface = scene.surface_of(r.face);
                 json!({
-                    "surface": scene.surface_of(r.face).name,
+                    "surface": surface.name,
+                    "part": r.face.0 - surface.faces.start,
+                    "back": scene.face(r.face).is_back,
                     "min": r.min,
                     "max": r.max,
                     "mean": r.mean,
@@ -155,7 +158,7 @@ fn counts(by_kind: &[u64; 6]) -> Value {
 }
 
 /// Which effects were simulated, which were not, and what leaving them out costs.
-fn effects(meshing: &Meshing, result: &Result<'_>) -> Value {
+fn effects(meshing: &Meshing, result: &Outcome<'_>) -> Value {
     let mut effects = vec![json!({
         "name": "occlusion",
         "decision": "simulated",
@@ -168,7 +171,8 @@ fn effects(meshing: &Meshing, result: &Result<'_>) -> Value {
         effects.push(json!({
             "name": kind.key(),
             "decision": if simulated { "simulated" } else { "left out" },
-            "bound": if simulated { 0.0 } else { result.meshes.measured_max_error },
+            "bound": if simulated { json!(0.0) } else { Value::Null },
+            "measured_error": result.meshes.measured_max_error,
             "reason": match (simulated, kind) {
                 (true, _) => "its curves are edges of the mesh",
                 (false, EventKind::Eee) => "not enumerated in this version; the error it costs is measured at check points and refined away",
@@ -185,7 +189,7 @@ fn effects(meshing: &Meshing, result: &Result<'_>) -> Value {
     json!(effects)
 }
 
-fn per_surface(scene: &Scene, result: &Result<'_>) -> Value {
+fn per_surface(scene: &Scene, result: &Outcome<'_>) -> Value {
     let rows: Vec<Value> = result
         .meshes
         .receivers
@@ -202,7 +206,8 @@ fn per_surface(scene: &Scene, result: &Result<'_>) -> Value {
                 "nodes": mesh.nodes.len(),
                 "exact_evaluations": mesh.exact_evaluations,
                 "curves": curves.critical.len(),
-                "max_error": mesh.element_errors.iter().copied().fold(0.0, f64::max),
+                "max_error": mesh.max_error(),
+                "unresolved_elements": mesh.unresolved.len(),
             })
         })
         .collect();
@@ -210,7 +215,7 @@ fn per_surface(scene: &Scene, result: &Result<'_>) -> Value {
 }
 
 /// A few lines for people.
-pub(crate) fn summary(report: &Value, result: &Result<'_>) -> String {
+pub(crate) fn summary(report: &Value, result: &Outcome<'_>) -> String {
     let inserted = &report["events"]["inserted"];
     let mut text = format!(
         "{} surfaces, {} emitters: {} elements of degree {}, {} nodes\n\
@@ -248,7 +253,7 @@ pub(crate) fn summary(report: &Value, result: &Result<'_>) -> String {
         text.push_str(&format!(
             "\ninterreflection: {} iterations, residual {:.1e}, error at most {:.2e}\n\
              power: emitted {}, absorbed {}, escaped {}, imbalance {:.1e}\n\
-             row sums, raw: {min:.6} to {max:.6}",
+             row sums, raw: {min:.6} to {max:.6}{}",
             radiosity.iterations,
             radiosity.residual,
             radiosity.measured_indirect_error,
@@ -256,6 +261,12 @@ pub(crate) fn summary(report: &Value, result: &Result<'_>) -> String {
             report["power"]["absorbed"],
             report["power"]["escaped"],
             radiosity.power.imbalance,
+            if radiosity.measured_indirect_error > report["tolerance"].as_f64().unwrap_or(0.0) {
+                "\nindirect light is above the tolerance where it bends sharply; that tolerance is \
+                 promised for direct light only"
+            } else {
+                ""
+            },
         ));
     }
     text

@@ -192,10 +192,8 @@ impl DirectMeshes {
         let (mut max, mut square, mut area) = (0.0f64, 0.0, 0.0);
         let mut is_above = false;
         for receiver in &receivers {
+            max = max.max(receiver.max_error());
             for (t, &error) in receiver.element_errors.iter().enumerate() {
-                if receiver.unresolved.binary_search(&(t as u32)).is_err() {
-                    max = max.max(error);
-                }
                 let a = receiver.mesh.area(t as u32);
                 square += error * error * a;
                 area += a;

@@ -806,7 +806,7 @@ impl System {
                     &mut gathered,
                 );
                 let done = n_done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-                if done % 64 == 0 {
+                if done.is_multiple_of(64) {
                     progress(done as f64 / n_nodes as f64);
                 }
                 (row, first, n)
@@ -878,9 +878,11 @@ impl System {
         let mut peak = vec![0.0f64; n_bands];
         for (node, row) in self.rows.iter().enumerate() {
             if !row.is_empty() {
-                for band in 0..n_bands {
-                    let at = node * n_bands + band;
-                    peak[band] = peak[band].max(direct[at] + indirect[at]);
+                let values = direct[node * n_bands..]
+                    .iter()
+                    .zip(&indirect[node * n_bands..]);
+                for (peak, (d, i)) in peak.iter_mut().zip(values) {
+                    *peak = peak.max(d + i);
                 }
             }
         }

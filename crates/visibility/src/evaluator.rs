@@ -625,16 +625,24 @@ fn relative_source(
     approach: Option<&Approach>,
     fragments: &mut Fragments,
 ) -> smallvec::SmallVec<[Fragment; 4]> {
-    let corners: smallvec::SmallVec<[DVec3; 8]> =
+    let mut corners: smallvec::SmallVec<[DVec3; 8]> =
         source.corners.iter().map(|&c| c - point).collect();
     let Some(approach) = approach else {
         return smallvec::smallvec![fragments.push(corners)];
     };
+    // A source whose plane touches the point has the point in its plane.
+    let height = source.normal.dot(corners[0]);
+    let touches_plane =
+        height.abs() <= approach.radius && source.normal.dot(approach.toward) > 1e-6;
+    if touches_plane {
+        for corner in &mut corners {
+            *corner -= source.normal * source.normal.dot(*corner);
+        }
+    }
     let r_sq = approach.radius * approach.radius;
     let behind = -approach.toward * (approach.radius * 1e-3);
     let n = corners.len();
     let edge = |i: usize| (corners[i], corners[(i + 1) % n]);
-    let touches_plane = source.normal.dot(corners[0]).abs() <= approach.radius;
     let touches_edge =
         (0..n).any(|i| distance_to_segment_sq(edge(i).0, edge(i).1 - edge(i).0) <= r_sq);
     let is_inside = (0..n).all(|i| edge(i).0.cross(edge(i).1).dot(source.normal) > 0.0);
@@ -685,13 +693,14 @@ fn visible_of(
         scratch.visible.push(fragment);
         return;
     }
-    if relevant.len() > FLAT_CANDIDATES && depth < DEEPEST_SPLIT {
-        if let Some(half) = dividing_plane(scratch, fragment, &relevant) {
-            let (a, b) = scratch.fragments.split(fragment, &half);
-            visible_of(scratch, a, &relevant, depth + 1, hidden);
-            visible_of(scratch, b, &relevant, depth + 1, hidden);
-            return;
-        }
+    if relevant.len() > FLAT_CANDIDATES
+        && depth < DEEPEST_SPLIT
+        && let Some(half) = dividing_plane(scratch, fragment, &relevant)
+    {
+        let (a, b) = scratch.fragments.split(fragment, &half);
+        visible_of(scratch, a, &relevant, depth + 1, hidden);
+        visible_of(scratch, b, &relevant, depth + 1, hidden);
+        return;
     }
     // Few: peel them off one after the other.
     let first = scratch.visible.len();

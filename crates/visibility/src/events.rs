@@ -309,8 +309,8 @@ impl<'e, 's> Tracer<'e, 's> {
         })
     }
 
-    /// Where a trace runs inside the receiver, each end a little longer so that
-    /// it crosses the border properly.
+    /// Where a trace runs inside the receiver. The ends lie on the border up to
+    /// rounding; the arrangement joins them to it.
     fn inside_receiver(&self, trace: &Trace) -> Intervals {
         let mut crossings = Vec::new();
         for corners in &self.loops {
@@ -327,10 +327,9 @@ impl<'e, 's> Tracer<'e, 's> {
             }
         }
         crossings.sort_by(f64::total_cmp);
-        let overshoot = 2.0 * self.contact_radius;
         let mut intervals: Vec<(f64, f64)> = Vec::new();
         for pair in crossings.chunks_exact(2) {
-            let (from, to) = (pair[0] - overshoot, pair[1] + overshoot);
+            let (from, to) = (pair[0], pair[1]);
             match intervals.last_mut() {
                 Some(last) if last.1 >= from => last.1 = to,
                 _ => intervals.push((from, to)),
@@ -342,7 +341,7 @@ impl<'e, 's> Tracer<'e, 's> {
     /// Pushes a segment for every interval.
     fn emit(&mut self, event: Event, emitter: Option<FaceId>, trace: &Trace, active: &Intervals) {
         let mut active = active.clone();
-        active.drop_shorter(1e-9 * self.size);
+        active.drop_shorter(self.contact_radius);
         for (from, to) in active.iter() {
             self.push(event, emitter, vec![trace.at(from), trace.at(to)]);
         }
