@@ -189,7 +189,7 @@ pub fn solve(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<
     let (meshes, curves, events) = direct(&evaluator, &light, options, control)?;
     (control.progress)(Phase::Radiosity, 0.0);
     let contacts = EventKinds::NONE.with(EventKind::Contact);
-    let (receivers, _) = receivers(&evaluator, contacts, &|_, _| {})?;
+    let (receivers, _) = receivers(&evaluator, contacts, NEAR, &|_, _| {})?;
     let radiosity_options = RadiosityOptions {
         tolerance: match options.tolerance {
             Tolerance::Relative(t) => t,
@@ -220,7 +220,7 @@ fn direct(
     control: &Control<'_>,
 ) -> Result<(DirectMeshes, Vec<ReceiverCurves>, EventCounts), Error> {
     let events = options.events.with(EventKind::Contact);
-    let (prepared, counts) = receivers(evaluator, events, control.progress)?;
+    let (prepared, counts) = receivers(evaluator, events, 0.0, control.progress)?;
     let (receivers, curves) = prepared.into_iter().map(|p| (p.receiver, p.curves)).unzip();
     (control.progress)(Phase::Irradiance, 0.0);
     let direct_options = DirectOptions {
@@ -244,10 +244,19 @@ struct Prepared {
     curves: ReceiverCurves,
 }
 
+/// Gaps narrower than this fraction of a receiver get lines in its indirect layer as
+/// if they were contacts: indirect light ends there almost as sharply (a panel a
+/// centimetre under a ceiling).
+const NEAR: f64 = 0.03;
+
 /// Every face with the triangulated arrangement of its curves.
+///
+/// * `near` — features within this fraction of a receiver's size are drawn on it as
+///   contacts; 0 for none.
 fn receivers(
     evaluator: &Evaluator<'_>,
     kinds: EventKinds,
+    near: f64,
     progress: &(dyn Fn(Phase, f64) + Sync),
 ) -> Result<(Vec<Prepared>, EventCounts), Error> {
     let scene = evaluator.scene();
@@ -255,7 +264,16 @@ fn receivers(
     progress(Phase::Events, 0.0);
     let found: Vec<CriticalCurves> = faces
         .par_iter()
-        .map(|&face| critical_curves(evaluator, face, kinds, contact_radius(scene, face)))
+        .map(|&face| {
+            let radius = contact_radius(scene, face);
+            let mut curves = critical_curves(evaluator, face, kinds, radius);
+            if near > 0.0 {
+                let gap = near * scene.face(face).area.sqrt();
+                let contacts = EventKinds::NONE.with(EventKind::Contact);
+                curves.curves.extend(critical_curves(evaluator, face, contacts, gap).curves);
+            }
+            curves
+        })
         .collect();
     let mut counts = EventCounts::default();
     for curves in &found {

@@ -88,22 +88,24 @@ pub fn on_mesh(solution: &DirectSolution, place: &Place) -> Option<Vec<f64>> {
     Some(mesh.direct_at(element, at))
 }
 
-/// Irradiance with interreflection per band at several places: direct light from
-/// the mesh, indirect light gathered with exact visibility. `None` outside the mesh.
+/// Irradiance with interreflection per band at several places: exact direct light
+/// and indirect light gathered with exact visibility from the solution's layer.
 #[must_use]
 pub fn solved(
+    light: &ExactLight<'_, '_>,
     evaluator: &Evaluator<'_>,
     solution: &RadiositySolution,
     places: &[Place],
-) -> Vec<Option<Vec<f64>>> {
+) -> Vec<Vec<f64>> {
     let points: Vec<_> = places.iter().map(|p| (p.face.index(), p.point)).collect();
     let indirect = solution.gather(evaluator, &points);
+    let mut scratch = Scratch::default();
     places
         .iter()
         .zip(indirect)
         .map(|(place, indirect)| {
-            let direct = on_mesh(&solution.meshes, place)?;
-            Some(direct.iter().zip(indirect).map(|(d, i)| d + i).collect())
+            let direct = exact(light, place, &mut scratch);
+            direct.iter().zip(indirect).map(|(d, i)| d + i).collect()
         })
         .collect()
 }

@@ -87,10 +87,12 @@ pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
         if let (true, Done::Solved(solved)) = (probe.solve, &done) {
             let places: Vec<Place> = rows.iter().filter_map(Row::place).collect();
             let evaluator = Evaluator::new(scene);
-            let mut found = values::solved(&evaluator, &solved.radiosity, &places).into_iter();
+            let light = ExactLight::new(&evaluator);
+            let mut found =
+                values::solved(&light, &evaluator, &solved.radiosity, &places).into_iter();
             let values = rows
                 .iter()
-                .map(|row| row.place().and_then(|_| found.next().flatten()))
+                .map(|row| row.place().and_then(|_| found.next()))
                 .collect();
             columns.push(("irradiance", values));
         }
