@@ -21,7 +21,7 @@
 //! Collocation for the radiosity equation: Atkinson & Chien 2000 (AC00 in
 //! `docs/references.md`).
 
-use crate::basis::{n_nodes, quadrature, values};
+use crate::basis::{n_nodes, quadrature};
 use crate::direct::{DirectMeshes, DirectOptions, DirectSolution, Tolerance};
 use crate::field::{CHECK_POINTS, Field, Light, Receiver};
 use antumbra_mesh::Locator;
@@ -272,7 +272,7 @@ pub fn solve_radiosity(
         layer.evaluate(light);
     };
 
-    let power = system.power(scene, &layer.fields, &solution);
+    let power = system.power(&pairs, scene, &layer.fields, &solution);
     let row_sums = system.row_sums(&layer.fields);
     let indirect: Vec<Vec<f64>> = layer
         .fields
@@ -570,6 +570,42 @@ impl<'e, 's> Pairs<'e, 's> {
             }
         }
         n_parts
+    }
+}
+
+impl Pairs<'_, '_> {
+    /// The form factor from a point to all fronts of the scene: what of its
+    /// radiosity does not escape. Whole faces, hence cheap.
+    fn row_sum(&self, receiver: usize, point: DVec3, scratch: &mut Scratch) -> f64 {
+        let scene = self.evaluator.scene();
+        let face = scene.face(self.faces[receiver]);
+        let n = self.faces.len();
+        let mut sum = 0.0;
+        for (s, &source) in self.faces.iter().enumerate() {
+            let Some(list) = &self.between[receiver * n + s] else {
+                continue;
+            };
+            let list = (list.len() <= LONGEST_LIST).then_some(list.as_slice());
+            let source = scene.face(source);
+            for piece in &scene.pieces[source.pieces.start as usize..source.pieces.end as usize] {
+                let corners = scene.positions(&piece.vertices);
+                let polygon = Source {
+                    corners: &corners,
+                    normal: source.normal,
+                    plane: source.plane,
+                };
+                sum += self.evaluator.visible_parts(
+                    (face.normal, Some(face.plane)),
+                    &polygon,
+                    list,
+                    point,
+                    None,
+                    scratch,
+                    |_, _| {},
+                );
+            }
+        }
+        sum
     }
 }
 
@@ -989,8 +1025,15 @@ impl System {
         sum
     }
 
-    /// The power balance, integrated over the layer.
-    fn power(&self, scene: &Scene, fields: &[Field], solution: &Solution) -> Power {
+    /// The power balance, integrated over the layer; what escapes is weighed by
+    /// exact row sums at the points of the rule.
+    fn power(
+        &self,
+        pairs: &Pairs<'_, '_>,
+        scene: &Scene,
+        fields: &[Field],
+        solution: &Solution,
+    ) -> Power {
         let n_bands = scene.n_bands;
         let mut power = Power {
             emitted: vec![0.0; n_bands],
@@ -998,26 +1041,27 @@ impl System {
             escaped: vec![0.0; n_bands],
             imbalance: 0.0,
         };
-        let row_sum: Vec<f64> = self.rows.iter().map(|row| row.iter().sum()).collect();
-        let rule = quadrature();
         for (r, field) in fields.iter().enumerate() {
             let material = scene.material(field.face);
             let first = self.first_node[r];
-            for t in 0..field.mesh.triangles.len() {
+            let seen: Vec<[f64; RULE.len()]> = (0..field.mesh.triangles.len())
+                .into_par_iter()
+                .map_init(Scratch::default, |scratch, t| {
+                    RULE.map(|(at, _)| {
+                        let point = field.chart.to_space(field.point(t, at));
+                        pairs.row_sum(r, point, scratch)
+                    })
+                })
+                .collect();
+            for (t, seen) in seen.iter().enumerate() {
                 let area = scene.frame.area_to_file(field.mesh.area(t as u32));
-                for (at, w) in rule {
-                    let phi = values(2, at);
-                    let nodes = &field.element_nodes[t][..6];
-                    let seen: f64 = nodes
-                        .iter()
-                        .zip(phi)
-                        .map(|(&i, p)| p * row_sum[first + i as usize])
-                        .sum();
+                let direct = &self.sources[r].elements[t].direct;
+                for ((at, w), seen) in RULE.into_iter().zip(seen) {
+                    let phi = quadratic(at);
                     for band in 0..n_bands {
-                        let direct = &self.sources[r].elements[t].direct;
                         let e: f64 = (0..6)
                             .map(|k| {
-                                let node = first + nodes[k] as usize;
+                                let node = first + field.element_nodes[t][k] as usize;
                                 let indirect = solution.indirect[node * n_bands + band];
                                 phi[k] * (direct[k * n_bands + band] + indirect)
                             })
