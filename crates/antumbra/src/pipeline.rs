@@ -270,7 +270,9 @@ fn receivers(
             if near > 0.0 {
                 let gap = near * scene.face(face).area.sqrt();
                 let contacts = EventKinds::NONE.with(EventKind::Contact);
-                curves.curves.extend(critical_curves(evaluator, face, contacts, gap).curves);
+                curves
+                    .curves
+                    .extend(critical_curves(evaluator, face, contacts, gap).curves);
             }
             curves
         })

@@ -51,7 +51,7 @@ impl Default for RadiosityOptions {
         Self {
             tolerance: 1e-3,
             residual: 1e-7,
-            most_nodes: 4500,
+            most_nodes: 6000,
             most_sweeps: 1000,
         }
     }
@@ -254,7 +254,11 @@ pub fn solve_radiosity(
     let (system, solution, errors) = loop {
         let report = |done: f64| progress((round as f64 + done) / MOST_ROUNDS as f64);
         let system = System::assemble(&pairs, &layer.fields, &projected, &report);
-        let solution = system.solve(scene, &layer.fields, options);
+        let rough = RadiosityOptions {
+            residual: options.residual.max(0.1 * options.tolerance),
+            ..*options
+        };
+        let solution = system.solve(scene, &layer.fields, &rough);
         let errors = system.errors(&pairs, &layer.fields, scene, &solution);
         round += 1;
         let allowed: Vec<f64> = solution
@@ -266,6 +270,7 @@ pub fn solve_radiosity(
         let levels = worst_levels(&layer.fields, &errors.per_field, &allowed, room);
         let is_done = levels.iter().flatten().all(|&l| l == 0);
         if is_done || round == MOST_ROUNDS || should_stop() {
+            let solution = system.solve(scene, &layer.fields, options);
             break (system, solution, errors);
         }
         layer.refine(levels);
@@ -878,32 +883,30 @@ impl System {
             })
             .collect();
         let mut indirect = self.first.clone();
-        // Reflected indirect light, band after band, of every node.
-        let mut reflected: Vec<f64> = (0..self.n_nodes * n_bands)
-            .map(|i| reflectance[i / n_bands][i % n_bands] * indirect[i])
+        // Reflected indirect light of every node, one vector per band.
+        let mut reflected: Vec<Vec<f64>> = (0..n_bands)
+            .map(|band| {
+                (0..self.n_nodes)
+                    .map(|node| reflectance[node][band] * indirect[node * n_bands + band])
+                    .collect()
+            })
             .collect();
         let (mut sweeps, mut residual) = (0, 0.0f64);
         while sweeps < options.most_sweeps {
             sweeps += 1;
             let mut change = 0.0f64;
             let mut peak = 0.0f64;
-            let mut sums = vec![0.0; n_bands];
             for (node, row) in self.rows.iter().enumerate() {
                 if row.is_empty() {
                     continue;
                 }
-                sums.copy_from_slice(&self.first[node * n_bands..(node + 1) * n_bands]);
-                for (&w, b) in row.iter().zip(reflected.chunks_exact(n_bands)) {
-                    for (sum, b) in sums.iter_mut().zip(b) {
-                        *sum += w * b;
-                    }
-                }
-                for band in 0..n_bands {
+                for (band, reflected) in reflected.iter_mut().enumerate() {
                     let at = node * n_bands + band;
-                    change = change.max((sums[band] - indirect[at]).abs());
-                    peak = peak.max((direct[at] + sums[band]).abs());
-                    indirect[at] = sums[band];
-                    reflected[at] = reflectance[node][band] * sums[band];
+                    let sum = self.first[at] + dot(row, reflected);
+                    change = change.max((sum - indirect[at]).abs());
+                    peak = peak.max((direct[at] + sum).abs());
+                    indirect[at] = sum;
+                    reflected[node] = reflectance[node][band] * sum;
                 }
             }
             residual = if peak > 0.0 { change / peak } else { 0.0 };
@@ -1171,6 +1174,25 @@ impl<'a> DirectLayer<'a> {
         }
         result
     }
+}
+
+/// A dot product in four interleaved sums: a fixed order that the processor's
+/// vector units can keep up with.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 4];
+    let (quads_a, quads_b) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = quads_a
+        .remainder()
+        .iter()
+        .zip(quads_b.remainder())
+        .map(|(x, y)| x * y)
+        .sum();
+    for (x, y) in quads_a.zip(quads_b) {
+        for k in 0..4 {
+            sums[k] += x[k] * y[k];
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
 
 /// Solves `M c = moments` with the mass matrix of degree 2 on a triangle of area 1.
