@@ -623,10 +623,10 @@ struct Seen<'a> {
 }
 
 /// A part this small, relative to its distance, is integrated by one rule.
-const NEAR: f64 = 0.6;
+const NEAR: f64 = 0.9;
 
 /// Parts at the point itself are not cut any further than this.
-const DEEPEST: u32 = 6;
+const DEEPEST: u32 = 4;
 
 impl Seen<'_> {
     fn add_fragment(&self, fragment: &[DVec3], factor: f64, gathered: &mut Gathered<'_>) {
