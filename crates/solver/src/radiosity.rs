@@ -209,7 +209,7 @@ const MOST_ROUNDS: usize = 4;
 /// The layer's interpolated values may be this much worse than the tolerance:
 /// gathering from it divides the error by more than that (measured on the closed
 /// boxes of `fixtures/validation/radiosity`: 1e-2 interpolated, 6e-4 gathered).
-const GATHERED: f64 = 1.5;
+const GATHERED: f64 = 1.0;
 
 /// The indirect layer starts with elements no longer than this fraction of their
 /// receiver's diagonal.
@@ -546,6 +546,13 @@ impl<'e, 's> Pairs<'e, 's> {
                 continue;
             };
             let list = (list.len() <= LONGEST_LIST).then_some(list.as_slice());
+            // The whole face first: most faces are seen in full or not at all, and
+            // then their elements need no occluders.
+            let list = match self.face_visibility(receiver, s, list, point, approach, scratch) {
+                FaceVisibility::None => continue,
+                FaceVisibility::Full => Some(&[][..]),
+                FaceVisibility::Part => list,
+            };
             for element in &source.elements {
                 let polygon = Source {
                     corners: &element.corners,
@@ -578,7 +585,62 @@ impl<'e, 's> Pairs<'e, 's> {
     }
 }
 
+/// How much of a face a point sees.
+enum FaceVisibility {
+    None,
+    Part,
+    Full,
+}
+
 impl Pairs<'_, '_> {
+    /// Does a point see a face in full, in part or not at all?
+    fn face_visibility(
+        &self,
+        receiver: usize,
+        source: usize,
+        list: Option<&[u32]>,
+        point: DVec3,
+        approach: Option<&Approach>,
+        scratch: &mut Scratch,
+    ) -> FaceVisibility {
+        if list.is_some_and(<[u32]>::is_empty) {
+            return FaceVisibility::Full;
+        }
+        let scene = self.evaluator.scene();
+        let face = scene.face(self.faces[receiver]);
+        let source = scene.face(self.faces[source]);
+        let (mut seen, mut whole) = (0.0, 0.0);
+        for piece in &scene.pieces[source.pieces.start as usize..source.pieces.end as usize] {
+            let corners = scene.positions(&piece.vertices);
+            let polygon = Source {
+                corners: &corners,
+                normal: source.normal,
+                plane: source.plane,
+            };
+            let mut factor = |list| {
+                self.evaluator.visible_parts(
+                    (face.normal, Some(face.plane)),
+                    &polygon,
+                    list,
+                    point,
+                    approach,
+                    scratch,
+                    |_, _| {},
+                )
+            };
+            seen += factor(list);
+            whole += factor(Some(&[]));
+        }
+        // Equal to the bit where no occluder cut anything.
+        if seen == 0.0 {
+            FaceVisibility::None
+        } else if seen == whole {
+            FaceVisibility::Full
+        } else {
+            FaceVisibility::Part
+        }
+    }
+
     /// The form factor from a point to all fronts of the scene: what of its
     /// radiosity does not escape. Whole faces, hence cheap.
     fn row_sum(&self, receiver: usize, point: DVec3, scratch: &mut Scratch) -> f64 {
