@@ -206,9 +206,10 @@ impl Layer {
 /// Rounds of refinement of the indirect layer.
 const MOST_ROUNDS: usize = 4;
 
-/// The layer's interpolated values may be this much worse than the tolerance:
-/// gathering from it divides the error by more than that (measured on the closed
-/// boxes of `fixtures/validation/radiosity`: 1e-2 interpolated, 6e-4 gathered).
+/// The layer is refined until its interpolated values are within this many
+/// tolerances: larger, and what is gathered from it errs by more than 1e-3 next to
+/// the edges of a bright empty box (`fixtures/validation/radiosity/R6.2`: 1.15e-3
+/// at 1.5).
 const GATHERED: f64 = 1.0;
 
 /// The indirect layer starts with elements no longer than this fraction of their
