@@ -51,7 +51,7 @@ impl Default for RadiosityOptions {
         Self {
             tolerance: 1e-3,
             residual: 1e-7,
-            most_nodes: 6000,
+            most_nodes: 6800,
             most_sweeps: 1000,
         }
     }
