@@ -607,31 +607,8 @@ impl Pairs<'_, '_> {
         if list.is_some_and(<[u32]>::is_empty) {
             return FaceVisibility::Full;
         }
-        let scene = self.evaluator.scene();
-        let face = scene.face(self.faces[receiver]);
-        let source = scene.face(self.faces[source]);
-        let (mut seen, mut whole) = (0.0, 0.0);
-        for piece in &scene.pieces[source.pieces.start as usize..source.pieces.end as usize] {
-            let corners = scene.positions(&piece.vertices);
-            let polygon = Source {
-                corners: &corners,
-                normal: source.normal,
-                plane: source.plane,
-            };
-            let mut factor = |list| {
-                self.evaluator.visible_parts(
-                    (face.normal, Some(face.plane)),
-                    &polygon,
-                    list,
-                    point,
-                    approach,
-                    scratch,
-                    |_, _| {},
-                )
-            };
-            seen += factor(list);
-            whole += factor(Some(&[]));
-        }
+        let seen = self.face_factor(receiver, source, list, point, approach, scratch);
+        let whole = self.face_factor(receiver, source, Some(&[]), point, approach, scratch);
         // Equal to the bit where no occluder cut anything.
         if seen == 0.0 {
             FaceVisibility::None
@@ -642,35 +619,49 @@ impl Pairs<'_, '_> {
         }
     }
 
+    /// The form factor from a point to a face, behind the occluders of `list`.
+    fn face_factor(
+        &self,
+        receiver: usize,
+        source: usize,
+        list: Option<&[u32]>,
+        point: DVec3,
+        approach: Option<&Approach>,
+        scratch: &mut Scratch,
+    ) -> f64 {
+        let scene = self.evaluator.scene();
+        let face = scene.face(self.faces[receiver]);
+        let source = scene.face(self.faces[source]);
+        let mut sum = 0.0;
+        for piece in &scene.pieces[source.pieces.start as usize..source.pieces.end as usize] {
+            let corners = scene.positions(&piece.vertices);
+            let polygon = Source {
+                corners: &corners,
+                normal: source.normal,
+                plane: source.plane,
+            };
+            sum += self.evaluator.visible_parts(
+                (face.normal, Some(face.plane)),
+                &polygon,
+                list,
+                point,
+                approach,
+                scratch,
+                |_, _| {},
+            );
+        }
+        sum
+    }
+
     /// The form factor from a point to all fronts of the scene: what of its
     /// radiosity does not escape. Whole faces, hence cheap.
     fn row_sum(&self, receiver: usize, point: DVec3, scratch: &mut Scratch) -> f64 {
-        let scene = self.evaluator.scene();
-        let face = scene.face(self.faces[receiver]);
         let n = self.faces.len();
         let mut sum = 0.0;
-        for (s, &source) in self.faces.iter().enumerate() {
-            let Some(list) = &self.between[receiver * n + s] else {
-                continue;
-            };
-            let list = (list.len() <= LONGEST_LIST).then_some(list.as_slice());
-            let source = scene.face(source);
-            for piece in &scene.pieces[source.pieces.start as usize..source.pieces.end as usize] {
-                let corners = scene.positions(&piece.vertices);
-                let polygon = Source {
-                    corners: &corners,
-                    normal: source.normal,
-                    plane: source.plane,
-                };
-                sum += self.evaluator.visible_parts(
-                    (face.normal, Some(face.plane)),
-                    &polygon,
-                    list,
-                    point,
-                    None,
-                    scratch,
-                    |_, _| {},
-                );
+        for source in 0..n {
+            if let Some(list) = &self.between[receiver * n + source] {
+                let list = (list.len() <= LONGEST_LIST).then_some(list.as_slice());
+                sum += self.face_factor(receiver, source, list, point, None, scratch);
             }
         }
         sum
