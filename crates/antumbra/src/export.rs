@@ -121,6 +121,9 @@ fn curve_edges(mesh: &ReceiverMesh) -> Vec<CurveEdge> {
     edges
 }
 
+/// Arcs are drawn as chords this close to them, relative to their surface.
+const DRAWN: f64 = 1e-4;
+
 fn curve_table(scene: &Scene, mesh: &ReceiverMesh, curves: &ReceiverCurves) -> Vec<Curve> {
     let face = scene.face(mesh.face);
     let border = face.loops().map(|l| {
@@ -144,9 +147,10 @@ fn curve_table(scene: &Scene, mesh: &ReceiverMesh, curves: &ReceiverCurves) -> V
         emitter: curve.emitter.map(|f| scene.surface_of(f).name.clone()),
         generators: generators(scene, curve),
         points: curve
-            .points
-            .iter()
-            .map(|&p| scene.frame.to_file(p))
+            .shape
+            .polyline(DRAWN * face.area.sqrt())
+            .into_iter()
+            .map(|p| scene.frame.to_file(p))
             .collect(),
     });
     border.chain(critical).collect()
@@ -191,9 +195,16 @@ pub fn generators(scene: &Scene, curve: &CriticalCurve) -> String {
             format!("emitter {} × {}", vertex(v), edge(e))
         }
         Event::EmitterEdge { edge: e, vertex: v } => format!("emitter {} × {}", edge(e), vertex(v)),
+        Event::VertexEdge { vertex: v, edge: e } => format!("{} × {}", vertex(v), edge(e)),
         Event::CoplanarEdges { emitter, occluder } => {
             format!("emitter {} ∥ {}", edge(emitter), edge(occluder))
         }
+        Event::OccluderEdges([e, f]) => format!("{} ∥ {}", edge(e), edge(f)),
+        Event::EmitterTriple {
+            emitter,
+            occluders: [e, f],
+        } => format!("emitter {} × {} × {}", edge(emitter), edge(e), edge(f)),
+        Event::Triple([e, f, g]) => format!("{} × {} × {}", edge(e), edge(f), edge(g)),
         Event::FacetPlane(f) => format!("plane of {}", face(f)),
         Event::EmitterPlane(f) => format!("plane of emitter {}", face(f)),
         Event::Contact(f) => format!("contact with {}", face(f)),

@@ -332,7 +332,12 @@ fn prepare(scene: &Scene, face: FaceId, critical: Vec<CriticalCurve>) -> Result<
         .collect();
     let n_border = curves.len();
     for curve in &critical {
-        let points = curve.points.iter().map(|&p| chart.to_chart(p)).collect();
+        let points = curve
+            .shape
+            .polyline(1e-5 * scene.face(face).area.sqrt())
+            .into_iter()
+            .map(|p| chart.to_chart(p))
+            .collect();
         let order = match curve.kind().discontinuity() {
             Discontinuity::D0 => Order::D0,
             Discontinuity::D1 => Order::D1,

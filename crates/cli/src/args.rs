@@ -88,7 +88,7 @@ pub(crate) struct Meshing {
     #[arg(long, value_name = "P", value_parser = degree, default_value = "auto")]
     pub(crate) degree: Degree,
     /// Events whose curves are put into the mesh: all, auto, none, or a list of
-    /// ve, ee, facet, horizon, contact. Contacts always are.
+    /// ve, ee, eee, facet, horizon, contact. Contacts always are.
     #[arg(long, value_name = "KINDS", value_parser = events, default_value = "auto")]
     pub(crate) events: EventKinds,
     /// The mesh generator.
@@ -247,10 +247,9 @@ fn events(text: &str) -> Result<EventKinds, String> {
         "none" => Ok(EventKinds::NONE),
         list => list.split(',').try_fold(EventKinds::NONE, |kinds, key| {
             match EventKind::from_key(key.trim()) {
-                Some(EventKind::Eee) => Err("eee events are not in this version yet".to_owned()),
                 Some(kind) => Ok(kinds.with(kind)),
                 None => Err(format!(
-                    "'{key}' is no kind of event: all, auto, none, or a list of ve, ee, facet, horizon, contact"
+                    "'{key}' is no kind of event: all, auto, none, or a list of ve, ee, eee, facet, horizon, contact"
                 )),
             }
         }),

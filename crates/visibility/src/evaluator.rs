@@ -7,6 +7,7 @@
 //! wrong sign moves a sliver of rounding size and never a region. Compared with
 //! booleans and with edge integration in `docs/numerics.md`.
 
+use crate::events::adjacency::Adjacency;
 use crate::cone::{Approach, cone, distance_to_segment_sq};
 use crate::fragments::{Fragment, Fragments, HalfSpace, Position};
 use crate::lambert::contour_sum;
@@ -137,6 +138,7 @@ pub struct Evaluator<'s> {
     occluders: Vec<Occluder>,
     corners: Vec<DVec3>,
     emitters: Vec<Emitter>,
+    adjacency: Adjacency,
 }
 
 impl<'s> Evaluator<'s> {
@@ -184,6 +186,7 @@ impl<'s> Evaluator<'s> {
             occluders,
             corners,
             emitters,
+            adjacency: Adjacency::new(scene),
         }
     }
 
@@ -191,6 +194,11 @@ impl<'s> Evaluator<'s> {
     #[must_use]
     pub fn scene(&self) -> &'s Scene {
         self.scene
+    }
+
+    /// What meets where.
+    pub(crate) fn adjacency(&self) -> &Adjacency {
+        &self.adjacency
     }
 
     /// The emitting faces, ascending: the order of all factors.

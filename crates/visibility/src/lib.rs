@@ -14,7 +14,7 @@ mod lambert;
 pub use cone::Approach;
 pub use evaluator::{Evaluator, Scratch, Source, View};
 pub use events::{
-    CountByKind, CriticalCurve, CriticalCurves, Discontinuity, Event, EventKind, EventKinds,
-    critical_curves,
+    CountByKind, CriticalCurve, CriticalCurves, CurveEnd, Discontinuity, Event, EventKind,
+    EventKinds, JUMP_PLACES, Shape, critical_curves, jump_at,
 };
 pub use lambert::contour_sum;

@@ -1,0 +1,120 @@
+//! D0: where faces touch or pierce the receiver.
+
+use crate::events::coplanar::{Trace, chord};
+use crate::events::tracer::Tracer;
+use crate::events::{Event, EventKind};
+use crate::intervals::Intervals;
+use antumbra_scene::{Aabb, Face, FaceId};
+use glam::DVec3;
+
+impl Tracer<'_, '_> {
+    /// D0: where faces touch or pierce the receiver.
+    pub(crate) fn contacts(&mut self) {
+        let r = self.contact_radius;
+        let bounds = self.bounds();
+        let near = Aabb {
+            min: bounds.min - r,
+            max: bounds.max + r,
+        };
+        let mut faces: Vec<FaceId> = Vec::new();
+        self.scene.tree.visit(
+            |b| b.meets(&near),
+            |piece| faces.push(self.scene.pieces[piece as usize].face),
+        );
+        faces.sort_unstable();
+        faces.dedup();
+        for id in faces {
+            let face = self.scene.face(id);
+            if id == self.receiver || face.plane == self.face.plane {
+                continue;
+            }
+            self.result.candidates[EventKind::Contact as usize] += 1;
+            self.contact(id, face);
+        }
+    }
+
+    fn contact(&mut self, id: FaceId, face: &Face) {
+        let r = self.contact_radius;
+        let emitter = self.scene.material(id).is_emitter().then_some(id);
+        let heights = |corners: &[DVec3], this: &Self| -> Vec<f64> {
+            corners.iter().map(|&c| this.height(c)).collect()
+        };
+        let all: Vec<DVec3> = face.loops().flat_map(|l| self.scene.positions(l)).collect();
+        let all_heights = heights(&all, self);
+        let highest = all_heights
+            .iter()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max);
+        if highest <= self.tolerance {
+            return; // Nothing of it is over the receiver's front.
+        }
+        let foot = |x: DVec3, h: f64, this: &Self| x - this.face.normal * h;
+        // Edges that lie on the receiver, or a hair from it.
+        let mut segments: Vec<(DVec3, DVec3)> = Vec::new();
+        for corners in face.loops().map(|l| self.scene.positions(l)) {
+            let h = heights(&corners, self);
+            for i in 0..corners.len() {
+                let j = (i + 1) % corners.len();
+                if h[i].abs() <= r && h[j].abs() <= r {
+                    segments.push((foot(corners[i], h[i], self), foot(corners[j], h[j], self)));
+                }
+            }
+        }
+        // Pieces that pierce it.
+        for piece in &self.scene.pieces[face.pieces.start as usize..face.pieces.end as usize] {
+            let corners = self.scene.positions(&piece.vertices);
+            let h = heights(&corners, self);
+            if h.iter().any(|&h| h > r) && h.iter().any(|&h| h < -r) {
+                let h: Vec<f64> = h
+                    .iter()
+                    .map(|&h| if h.abs() <= r { 0.0 } else { h })
+                    .collect();
+                if let Some((a, b)) = chord(&corners, &h) {
+                    segments.push((a, b));
+                }
+            }
+        }
+        for (a, b) in segments {
+            let Some(direction) = (b - a).try_normalize() else {
+                continue;
+            };
+            let normal = direction.cross(self.face.normal);
+            let trace = Trace {
+                origin: a,
+                direction,
+                normal,
+            };
+            let length = (b - a).length();
+            let inside = self.inside_receiver_or_border(&trace);
+            let active = Intervals::one(0.0, length).intersect(&inside);
+            self.emit(Event::Contact(id), emitter, &trace, &active);
+        }
+    }
+
+    /// Like `inside_receiver`, but a trace along the border counts as inside: the
+    /// border's own edge is then marked as a contact too.
+    fn inside_receiver_or_border(&self, trace: &Trace) -> Intervals {
+        let r = self.contact_radius;
+        for corners in &self.loops {
+            for i in 0..corners.len() {
+                let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
+                let off = |x: DVec3| trace.normal.dot(x - trace.origin).abs();
+                if off(a) <= r && off(b) <= r {
+                    let (s, t) = (trace.parameter(a), trace.parameter(b));
+                    let mut all: Vec<(f64, f64)> = self.inside_receiver(trace).iter().collect();
+                    all.push((s.min(t), s.max(t)));
+                    all.sort_by(|x, y| x.0.total_cmp(&y.0));
+                    let mut merged: Vec<(f64, f64)> = Vec::new();
+                    for (from, to) in all {
+                        match merged.last_mut() {
+                            Some(last) if last.1 >= from => last.1 = last.1.max(to),
+                            _ => merged.push((from, to)),
+                        }
+                    }
+                    return Intervals::from_sorted(merged);
+                }
+            }
+        }
+        self.inside_receiver(trace)
+    }
+}

@@ -1,0 +1,620 @@
+//! D1: a whole strip of the emitter appears at once when two features lie in one
+//! plane with the point: coplanar edges, facets, the emitter's own plane.
+
+use crate::evaluator::Evaluator;
+use crate::events::adjacency::Adjacency;
+use crate::events::curve::{CurveEnd, Shape};
+use crate::events::shaft::{Shaft, form};
+use crate::events::tracer::Tracer;
+use crate::events::{Event, EventKind};
+use crate::intervals::Intervals;
+use antumbra_scene::{Aabb, EdgeId, FaceId, PlaneId, Scene};
+use glam::{DVec2, DVec3, DVec4, dvec2};
+use smallvec::SmallVec;
+use std::f64::consts::PI;
+
+/// The trace of a plane on the receiver: points `origin + s·direction`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Trace {
+    pub(crate) origin: DVec3,
+    pub(crate) direction: DVec3,
+    /// Unit normal of the plane.
+    pub(crate) normal: DVec3,
+}
+
+impl Trace {
+    /// The trace of the plane through `point` with this unit normal, on the plane
+    /// through `origin` with the unit normal `up`.
+    fn new(origin: DVec3, up: DVec3, point: DVec3, normal: DVec3) -> Option<Self> {
+        let along = up.cross(normal);
+        let sine_sq = along.length_squared();
+        if sine_sq < 1e-18 {
+            return None;
+        }
+        // From the receiver's first corner along the steepest way to the plane.
+        let across = normal - up * up.dot(normal);
+        Some(Self {
+            origin: origin - across * (normal.dot(origin - point) / sine_sq),
+            direction: along / sine_sq.sqrt(),
+            normal,
+        })
+    }
+
+    pub(crate) fn parameter(&self, x: DVec3) -> f64 {
+        (x - self.origin).dot(self.direction)
+    }
+
+    pub(crate) fn at(&self, s: f64) -> DVec3 {
+        self.origin + self.direction * s
+    }
+}
+
+/// A plane in which an event happens, with its own coordinates: s along its trace
+/// on the receiver, h in the plane, perpendicular to the trace and upwards.
+pub(crate) struct Sheet<'e, 's> {
+    evaluator: &'e Evaluator<'s>,
+    receiver: FaceId,
+    emitter: FaceId,
+    trace: Trace,
+    up: DVec3,
+    /// What the emitter has in the plane: an edge, or chords.
+    lamp: Vec<[DVec2; 2]>,
+    /// What the lines must pass: edges, or the outline of a facet.
+    layers: SmallVec<[Vec<DVec2>; 2]>,
+    lamp_form: DVec4,
+    lamp_plane: PlaneId,
+    receiver_plane: PlaneId,
+    tolerance: f64,
+}
+
+/// Abscissae (0 to 1) and weights of Gauss quadrature with 5 points.
+const GAUSS: [(f64, f64); 5] = [
+    (0.046_910_077_030_668, 0.118_463_442_528_095),
+    (0.230_765_344_947_158, 0.239_314_335_249_683),
+    (0.5, 0.284_444_444_444_444),
+    (0.769_234_655_052_842, 0.239_314_335_249_683),
+    (0.953_089_922_969_332, 0.118_463_442_528_095),
+];
+
+impl<'e, 's> Sheet<'e, 's> {
+    /// The sheet of an event; `None` if it has no D1 event after all.
+    pub(crate) fn of(
+        evaluator: &'e Evaluator<'s>,
+        receiver: FaceId,
+        event: Event,
+        emitter: FaceId,
+    ) -> Option<Self> {
+        let scene = evaluator.scene();
+        let face = scene.face(receiver);
+        let lamp = scene.face(emitter);
+        let tolerance = scene.plane_tolerance();
+        let ends = |e: EdgeId| scene.edges[e.index()].ends.map(|v| scene.position(v));
+        let (point, normal) = match event {
+            Event::CoplanarEdges { emitter, occluder } => {
+                (ends(emitter)[0], common_plane(scene, emitter, occluder)?)
+            }
+            Event::OccluderEdges([e, f]) => (ends(e)[0], common_plane(scene, e, f)?),
+            Event::FacetPlane(id) => {
+                let plane = scene.planes[scene.face(id).plane.index()];
+                (plane.point, plane.normal)
+            }
+            _ => return None,
+        };
+        let origin = scene.position(face.outline[0]);
+        let trace = Trace::new(origin, face.normal, point, normal)?;
+        let up = normal.cross(trace.direction);
+        let up = if up.dot(face.normal) < 0.0 { -up } else { up };
+        let lamp_form = form(lamp.normal, scene.position(lamp.outline[0]));
+        let mut sheet = Self {
+            evaluator,
+            receiver,
+            emitter,
+            trace,
+            up,
+            lamp: Vec::new(),
+            layers: SmallVec::new(),
+            lamp_form,
+            lamp_plane: lamp.plane,
+            receiver_plane: face.plane,
+            tolerance,
+        };
+        let height = |x: DVec3| face.normal.dot(x - origin);
+        let above = |points: &[DVec3]| clip(points, |x| height(x) - tolerance);
+        let lamp_parts: Vec<[DVec3; 2]> = match event {
+            Event::CoplanarEdges { emitter, .. } => vec![ends(emitter)],
+            _ => chords(scene, emitter, normal, point),
+        };
+        for part in lamp_parts {
+            if let [a, b] = above(&part)[..] {
+                sheet.lamp.push([sheet.flat(a), sheet.flat(b)]);
+            }
+        }
+        let layers: SmallVec<[Vec<DVec3>; 2]> = match event {
+            Event::CoplanarEdges { occluder, .. } => [ends(occluder).to_vec()].into_iter().collect(),
+            Event::OccluderEdges(edges) => edges.iter().map(|&e| ends(e).to_vec()).collect(),
+            Event::FacetPlane(id) => [scene.positions(&scene.face(id).outline)]
+                .into_iter()
+                .collect(),
+            _ => SmallVec::new(),
+        };
+        for layer in layers {
+            let between = clip(&above(&layer), |x| {
+                lamp_form.dot(x.extend(1.0)) - tolerance
+            });
+            if between.len() < 2 {
+                return None;
+            }
+            sheet
+                .layers
+                .push(between.into_iter().map(|p| sheet.flat(p)).collect());
+        }
+        (!sheet.lamp.is_empty()).then_some(sheet)
+    }
+
+    fn flat(&self, x: DVec3) -> DVec2 {
+        let off = x - self.trace.origin;
+        dvec2(off.dot(self.trace.direction), off.dot(self.up))
+    }
+
+    fn space(&self, p: DVec2) -> DVec3 {
+        self.trace.origin + self.trace.direction * p.x + self.up * p.y
+    }
+
+    /// Where, along the trace, the directions to the ends of emitter and layers
+    /// change their order: between two of them the kink is smooth.
+    fn marks(&self) -> Vec<f64> {
+        let mut groups: Vec<&[DVec2]> = self.lamp.iter().map(<[DVec2; 2]>::as_slice).collect();
+        groups.extend(self.layers.iter().map(Vec::as_slice));
+        let mut marks = Vec::new();
+        for (i, a) in groups.iter().enumerate() {
+            for b in &groups[i + 1..] {
+                for p in *a {
+                    for q in *b {
+                        let s = (p.x * q.y - q.x * p.y) / (q.y - p.y);
+                        if s.is_finite() {
+                            marks.push(s);
+                        }
+                    }
+                }
+            }
+        }
+        marks.sort_by(f64::total_cmp);
+        marks.dedup_by(|a, b| *a - *b <= 16.0 * self.tolerance);
+        marks
+    }
+
+    /// The directions (slopes ds/dh) in which the points of a set are seen from s.
+    fn slopes(s: f64, points: &[DVec2]) -> (f64, f64) {
+        points
+            .iter()
+            .map(|p| (p.x - s) / p.y)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), m| {
+                (lo.min(m), hi.max(m))
+            })
+    }
+
+    /// The directions in which a part of the emitter is seen through all layers.
+    fn overlap(&self, s: f64, lamp: &[DVec2]) -> (f64, f64) {
+        let (mut lo, mut hi) = Self::slopes(s, lamp);
+        for layer in &self.layers {
+            let (l, h) = Self::slopes(s, layer);
+            (lo, hi) = (lo.max(l), hi.min(h));
+        }
+        (lo, hi)
+    }
+
+    fn is_active(&self, s: f64) -> bool {
+        self.lamp.iter().any(|lamp| {
+            let (lo, hi) = self.overlap(s, lamp);
+            hi - lo > 1e-12
+        })
+    }
+
+    /// The jump of the slope of irradiance across the trace at a point of it, per
+    /// unit of exitance: (J1) of `docs/design.md`.
+    ///
+    /// # Source
+    ///
+    /// A point of an edge at the distance ratio λ = |y−x|/|q−x| is projected to a
+    /// point of the emitter that moves (1−λ) times as fast as x.
+    pub(crate) fn jump(&self, x: DVec3) -> f64 {
+        let scene = self.evaluator.scene();
+        let (receiver, lamp_face) = (scene.face(self.receiver), scene.face(self.emitter));
+        let s = self.trace.parameter(x);
+        let x = self.trace.at(s);
+        let hidden = self.hidden(s, x);
+        let normal = self.trace.normal;
+        let across = receiver.normal.cross(self.trace.direction);
+        let lamp_normal = lamp_face.normal;
+        let slant = (normal - lamp_normal * lamp_normal.dot(normal)).length();
+        let speed = (across.dot(normal) / slant).abs();
+        let mut sum = 0.0;
+        for lamp in &self.lamp {
+            let (lo, hi) = self.overlap(s, lamp);
+            let mut seen = Intervals::one(lo, hi);
+            for &(from, to) in &hidden {
+                seen.subtract(from, to);
+            }
+            for (from, to) in seen.iter() {
+                let at = |m: f64| on_line(s, m, lamp[0], lamp[1]);
+                let (Some(p), Some(q)) = (at(from), at(to)) else {
+                    continue;
+                };
+                let length = p.distance(q);
+                for (t, weight) in GAUSS {
+                    let y = p + (q - p) * t;
+                    let m = (y.x - s) / y.y;
+                    let ratios = self.distance_ratios(s, m, y.y);
+                    let line = self.space(y) - x;
+                    let r_sq = line.length_squared();
+                    let cosines = receiver.normal.dot(line) * -lamp_normal.dot(line) / r_sq;
+                    let kernel = (cosines / (PI * r_sq)).max(0.0);
+                    sum += weight * length * kernel * (ratios.1 - ratios.0);
+                }
+            }
+        }
+        sum * speed
+    }
+
+    /// The least and largest distance ratio of what competes along a line.
+    fn distance_ratios(&self, s: f64, m: f64, top: f64) -> (f64, f64) {
+        let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+        for layer in &self.layers {
+            let n = layer.len();
+            for i in 0..if n == 2 { 1 } else { n } {
+                let (a, b) = (layer[i], layer[(i + 1) % n]);
+                let (ma, mb) = ((a.x - s) / a.y, (b.x - s) / b.y);
+                if (ma.min(mb)..=ma.max(mb)).contains(&m)
+                    && let Some(p) = on_line(s, m, a, b)
+                {
+                    (lo, hi) = (lo.min(top / p.y), hi.max(top / p.y));
+                }
+            }
+        }
+        if lo > hi {
+            return (1.0, 1.0);
+        }
+        let is_emitters_edge = self.layers.len() == 1 && self.layers[0].len() == 2;
+        if is_emitters_edge { (1.0, hi) } else { (lo, hi) }
+    }
+
+    /// The directions in the sheet that other surfaces block.
+    fn hidden(&self, s: f64, x: DVec3) -> Vec<(f64, f64)> {
+        let scene = self.evaluator.scene();
+        let bounds = Aabb::of(
+            self.lamp
+                .iter()
+                .flatten()
+                .map(|&p| self.space(p))
+                .chain([x]),
+        );
+        let normal = self.trace.normal;
+        let offset = normal.dot(self.trace.origin);
+        let slack = 4.0 * self.tolerance;
+        let mut found: SmallVec<[u32; 32]> = SmallVec::new();
+        scene.tree.visit(
+            |b| {
+                b.meets(&bounds)
+                    && b.max_along(normal) >= offset + slack
+                    && -b.max_along(-normal) <= offset - slack
+            },
+            |piece| found.push(piece),
+        );
+        found.sort_unstable();
+        let mut hidden = Vec::new();
+        for id in found {
+            let piece = &scene.pieces[id as usize];
+            let plane = scene.face(piece.face).plane;
+            if plane == self.lamp_plane || plane == self.receiver_plane {
+                continue;
+            }
+            let corners = scene.positions(&piece.vertices);
+            let sides: SmallVec<[f64; 8]> = corners
+                .iter()
+                .map(|&c| {
+                    let d = normal.dot(c) - offset;
+                    if d.abs() <= slack { 0.0 } else { d }
+                })
+                .collect();
+            if !(sides.iter().any(|&d| d > 0.0) && sides.iter().any(|&d| d < 0.0)) {
+                continue;
+            }
+            let Some((p, q)) = chord(&corners, &sides) else {
+                continue;
+            };
+            let part = clip(&[p, q], |x| self.lamp_form.dot(x.extend(1.0)) - self.tolerance);
+            let part: SmallVec<[DVec3; 2]> = clip(&part, |x| self.flat(x).y - self.tolerance).into();
+            if let [p, q] = part.as_slice() {
+                hidden.push(Self::slopes(s, &[self.flat(*p), self.flat(*q)]));
+            }
+        }
+        hidden
+    }
+}
+
+/// Where the line from (s, 0) with this slope meets the line through two points.
+fn on_line(s: f64, m: f64, a: DVec2, b: DVec2) -> Option<DVec2> {
+    let d = b - a;
+    // s + m h = x: the point a + t d.
+    let t = (s + m * a.y - a.x) / (d.x - m * d.y);
+    let p = a + d * t;
+    p.is_finite().then_some(p)
+}
+
+/// The chords in which a plane cuts the pieces of a face.
+fn chords(scene: &Scene, face: FaceId, normal: DVec3, point: DVec3) -> Vec<[DVec3; 2]> {
+    let range = &scene.face(face).pieces;
+    let mut found = Vec::new();
+    for piece in &scene.pieces[range.start as usize..range.end as usize] {
+        let corners = scene.positions(&piece.vertices);
+        let sides: SmallVec<[f64; 8]> = corners
+            .iter()
+            .map(|&c| {
+                let d = normal.dot(c - point);
+                if d.abs() <= scene.plane_tolerance() {
+                    0.0
+                } else {
+                    d
+                }
+            })
+            .collect();
+        if sides.iter().any(|&d| d > 0.0)
+            && sides.iter().any(|&d| d < 0.0)
+            && let Some((a, b)) = chord(&corners, &sides)
+        {
+            found.push([a, b]);
+        }
+    }
+    found
+}
+
+/// The unit normal of the plane that holds both edges, if one does.
+pub(crate) fn common_plane(scene: &Scene, e: EdgeId, f: EdgeId) -> Option<DVec3> {
+    let ends = |e: EdgeId| scene.edges[e.index()].ends.map(|v| scene.position(v));
+    let ([a, b], [c, d]) = (ends(e), ends(f));
+    // The best conditioned of the planes through three of the four ends.
+    let candidates = [(a, b, c), (a, b, d), (c, d, a), (c, d, b)];
+    let normal = candidates
+        .into_iter()
+        .map(|(p, q, r)| (q - p).cross(r - p))
+        .max_by(|x, y| x.length_squared().total_cmp(&y.length_squared()))?;
+    let scale = (b - a).length().max((d - c).length()).max((c - a).length());
+    if normal.length() < 1e-9 * scale * scale {
+        return None; // One line.
+    }
+    let normal = normal.try_normalize()?;
+    let spread = [a, b, c, d]
+        .iter()
+        .map(|&x| normal.dot(x - a).abs())
+        .fold(0.0, f64::max);
+    (spread <= 4.0 * scene.plane_tolerance()).then_some(normal)
+}
+
+impl Tracer<'_, '_> {
+    /// Where a trace runs inside the receiver. The ends lie on the border up to
+    /// rounding; the arrangement joins them to it.
+    pub(crate) fn inside_receiver(&self, trace: &Trace) -> Intervals {
+        let mut crossings = Vec::new();
+        for corners in &self.loops {
+            let n = corners.len();
+            for i in 0..n {
+                let (a, b) = (corners[i], corners[(i + 1) % n]);
+                let (da, db) = (
+                    trace.normal.dot(a - trace.origin),
+                    trace.normal.dot(b - trace.origin),
+                );
+                if (da > 0.0) != (db > 0.0) {
+                    crossings.push(trace.parameter(a + (b - a) * (da / (da - db))));
+                }
+            }
+        }
+        crossings.sort_by(f64::total_cmp);
+        let mut intervals: Vec<(f64, f64)> = Vec::new();
+        for pair in crossings.chunks_exact(2) {
+            let (from, to) = (pair[0], pair[1]);
+            match intervals.last_mut() {
+                Some(last) if last.1 >= from => last.1 = to,
+                _ => intervals.push((from, to)),
+            }
+        }
+        Intervals::from_sorted(intervals)
+    }
+
+    /// Pushes a segment for every interval.
+    pub(crate) fn emit(
+        &mut self,
+        event: Event,
+        emitter: Option<FaceId>,
+        trace: &Trace,
+        active: &Intervals,
+    ) {
+        let mut active = active.clone();
+        active.drop_shorter(self.contact_radius);
+        for (from, to) in active.iter() {
+            let shape = Shape::Segment([trace.at(from), trace.at(to)]);
+            self.push(event, emitter, shape, [CurveEnd::Other; 2]);
+        }
+    }
+
+    /// The emitter's plane crosses the receiver.
+    pub(crate) fn horizon(&mut self, shaft: &Shaft<'_>) {
+        let sides = |t: f64| {
+            self.loops[0]
+                .iter()
+                .any(|&x| shaft.lamp_height(x) * t > self.tolerance)
+        };
+        if !(sides(1.0) && sides(-1.0)) {
+            return;
+        }
+        self.result.candidates[EventKind::Horizon as usize] += 1;
+        let lamp = shaft.lamp;
+        let point = self.scene.position(lamp.outline[0]);
+        if let Some(trace) = Trace::new(self.origin, self.face.normal, point, lamp.normal) {
+            let inside = self.inside_receiver(&trace);
+            self.emit(
+                Event::EmitterPlane(shaft.emitter),
+                Some(shaft.emitter),
+                &trace,
+                &inside,
+            );
+        }
+    }
+
+    /// The plane of an occluder crosses the receiver and cuts the emitter.
+    pub(crate) fn facets(&mut self, shaft: &Shaft<'_>) {
+        for &id in &shaft.faces {
+            let plane = self.scene.planes[self.scene.face(id).plane.index()];
+            // A plane that has the emitter or the receiver on one side makes none.
+            let cuts = |outline: &[DVec3]| {
+                let side = |x: &DVec3| plane.distance(*x);
+                outline.iter().any(|x| side(x) > self.tolerance)
+                    && outline.iter().any(|x| side(x) < -self.tolerance)
+            };
+            if cuts(&shaft.lamp_hull) && cuts(&self.loops[0]) {
+                self.result.candidates[EventKind::Facet as usize] += 1;
+                self.coplanar(shaft, Event::FacetPlane(id));
+            }
+        }
+    }
+
+    /// An occluder's edge in one plane with an emitter's edge.
+    pub(crate) fn coplanar_with_emitter(
+        &mut self,
+        shaft: &Shaft<'_>,
+        lamp_edge: EdgeId,
+        edge: EdgeId,
+    ) {
+        if self.lies_on_receiver(edge) {
+            return;
+        }
+        let Some(normal) = common_plane(self.scene, lamp_edge, edge) else {
+            return;
+        };
+        self.result.candidates[EventKind::Ee as usize] += 1;
+        if self.adjacency.is_outline(edge, normal) {
+            let event = Event::CoplanarEdges {
+                emitter: lamp_edge,
+                occluder: edge,
+            };
+            self.coplanar(shaft, event);
+        }
+    }
+
+    /// Two occluders' edges in one plane that cuts the emitter. Edges of a face in
+    /// that plane are left to the facet.
+    pub(crate) fn coplanar_occluders(&mut self, shaft: &Shaft<'_>, edges: [EdgeId; 2]) {
+        let Some(normal) = common_plane(self.scene, edges[0], edges[1]) else {
+            return;
+        };
+        self.result.candidates[EventKind::Ee as usize] += 1;
+        let is_outline = |adjacency: &Adjacency, e: EdgeId| {
+            adjacency.is_outline(e, normal)
+                && adjacency
+                    .faces_at(e)
+                    .iter()
+                    .all(|at| normal.dot(at.inward).abs() > 1e-9)
+        };
+        if edges.iter().all(|&e| is_outline(self.adjacency, e)) {
+            self.coplanar(shaft, Event::OccluderEdges(edges));
+        }
+    }
+
+    /// Pushes the curves of a D1 event.
+    fn coplanar(&mut self, shaft: &Shaft<'_>, event: Event) {
+        let Some(sheet) = Sheet::of(self.evaluator, self.receiver, event, shaft.emitter) else {
+            return;
+        };
+        let trace = sheet.trace;
+        let mut inside = self.inside_receiver(&trace);
+        inside = inside.intersect(&self.in_front_of(shaft, &trace));
+        if inside.is_empty() {
+            return;
+        }
+        for pair in sheet.marks().windows(2) {
+            if !sheet.is_active(0.5 * (pair[0] + pair[1])) {
+                continue;
+            }
+            let active = Intervals::one(pair[0], pair[1]).intersect(&inside);
+            let before = self.result.curves.len();
+            self.emit(event, Some(shaft.emitter), &trace, &active);
+            // What other surfaces block altogether is no curve.
+            let mut kept = before;
+            for i in before..self.result.curves.len() {
+                if self.result.curves[i].jumps.iter().any(|&j| j > 0.0) {
+                    self.result.curves.swap(kept, i);
+                    kept += 1;
+                }
+            }
+            self.result.curves.truncate(kept);
+        }
+    }
+
+    /// The part of a trace in front of the emitter.
+    fn in_front_of(&self, shaft: &Shaft<'_>, trace: &Trace) -> Intervals {
+        let slope = shaft.lamp.normal.dot(trace.direction);
+        let at_origin = shaft.lamp_height(trace.origin);
+        let far = 1e9;
+        if slope.abs() < 1e-12 {
+            return if at_origin > 0.0 {
+                Intervals::one(-far, far)
+            } else {
+                Intervals::default()
+            };
+        }
+        let zero = -at_origin / slope;
+        if slope > 0.0 {
+            Intervals::one(zero, far)
+        } else {
+            Intervals::one(-far, zero)
+        }
+    }
+}
+
+/// The chord in which a plane cuts a convex polygon, from the signed distances of
+/// its corners; `None` if it only touches a corner.
+pub(crate) fn chord(corners: &[DVec3], distances: &[f64]) -> Option<(DVec3, DVec3)> {
+    let n = corners.len();
+    let mut ends: smallvec::SmallVec<[DVec3; 4]> = smallvec::SmallVec::new();
+    for i in 0..n {
+        let j = (i + 1) % n;
+        let (p, q) = (distances[i], distances[j]);
+        if p == 0.0 {
+            ends.push(corners[i]);
+        } else if (p > 0.0 && q < 0.0) || (p < 0.0 && q > 0.0) {
+            ends.push(corners[i] + (corners[j] - corners[i]) * (p / (p - q)));
+        }
+    }
+    // The two ends farthest apart: corners in the plane may come in runs.
+    let mut best: Option<(DVec3, DVec3)> = None;
+    let mut longest = 0.0;
+    for i in 0..ends.len() {
+        for j in i + 1..ends.len() {
+            let length = (ends[j] - ends[i]).length_squared();
+            if length > longest {
+                longest = length;
+                best = Some((ends[i], ends[j]));
+            }
+        }
+    }
+    best
+}
+
+/// Clips a convex outline (or a segment of two points) to where `height` is not
+/// negative; `height` must be affine.
+fn clip(outline: &[DVec3], height: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
+    let n = outline.len();
+    let mut kept = Vec::with_capacity(n + 1);
+    for i in 0..n {
+        let (a, b) = (outline[i], outline[(i + 1) % n]);
+        let (p, q) = (height(a), height(b));
+        if p >= 0.0 {
+            kept.push(a);
+        }
+        // A segment has one edge, not two.
+        let is_edge = n > 2 || i + 1 < n;
+        if is_edge && ((p > 0.0 && q < 0.0) || (p < 0.0 && q > 0.0)) {
+            kept.push(a + (b - a) * (p / (p - q)));
+        }
+    }
+    kept
+}
