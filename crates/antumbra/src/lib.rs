@@ -30,6 +30,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod demand;
 mod export;
 mod light;
 mod pipeline;
@@ -49,5 +50,5 @@ pub use antumbra_visibility::{
 pub use export::{export, generators, mesh_order_key, order_key};
 pub use light::ExactLight;
 pub use pipeline::{
-    Control, Error, EventCounts, Meshed, Options, Phase, ReceiverCurves, Solved, mesh, solve,
+    Control, Error, EventCounts, Events, Meshed, Options, Phase, ReceiverCurves, Solved, mesh, solve,
 };

@@ -1,16 +1,20 @@
 //! From a scene to its mesh: the one place where visibility and mesh meet.
 
 use crate::light::ExactLight;
+use crate::demand::{Candidate, worth_a_line};
+use antumbra_geom::Chart;
 use antumbra_mesh::{ArrangementOptions, MeshError, Order, TaggedCurve, TriMesh, arrange};
 use antumbra_scene::{FaceId, Scene};
 use antumbra_solver::{
-    DirectMeshes, DirectOptions, DirectSolution, RadiosityOptions, RadiositySolution, Receiver,
+    DirectMeshes, DirectOptions, DirectSolution, Postponed, RadiosityOptions, RadiositySolution,
+    Receiver,
     Tolerance, solve_radiosity,
 };
 use antumbra_visibility::{
     CountByKind, CriticalCurve, CriticalCurves, Discontinuity, Evaluator, EventKind, EventKinds,
     critical_curves,
 };
+use glam::DVec2;
 use rayon::prelude::*;
 
 /// What the user asks for.
@@ -20,13 +24,33 @@ pub struct Options {
     pub tolerance: Tolerance,
     /// Degree of the elements, 1 to 4; `None` chooses by the tolerance.
     pub degree: Option<u8>,
-    /// Kinds of events whose curves are put into the mesh. Contacts always are:
-    /// without them light leaks.
-    pub events: EventKinds,
+    /// Which events' curves are put into the mesh.
+    pub events: Events,
     /// No more elements than this.
     pub most_elements: usize,
     /// Of the interreflection; its tolerance follows `tolerance`.
     pub radiosity: RadiosityOptions,
+}
+
+/// Which events' curves are put into the mesh. Contacts always are: without them
+/// light leaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Events {
+    /// All are enumerated; each is put where an element's error calls for it.
+    OnDemand,
+    /// All of these kinds, before anything is evaluated, and no others.
+    Kinds(EventKinds),
+}
+
+impl Events {
+    /// The kinds that are enumerated.
+    #[must_use]
+    pub fn kinds(self) -> EventKinds {
+        match self {
+            Self::OnDemand => EventKinds::ALL,
+            Self::Kinds(kinds) => kinds.with(EventKind::Contact),
+        }
+    }
 }
 
 impl Default for Options {
@@ -34,7 +58,7 @@ impl Default for Options {
         Self {
             tolerance: Tolerance::Relative(1e-3),
             degree: None,
-            events: EventKinds::ALL,
+            events: Events::OnDemand,
             most_elements: 4_000_000,
             radiosity: RadiosityOptions::default(),
         }
@@ -188,7 +212,11 @@ pub fn solve(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<
     let light = ExactLight::new(&evaluator);
     let (meshes, curves, events) = direct(&evaluator, &light, options, control)?;
     (control.progress)(Phase::Radiosity, 0.0);
-    let contacts = EventKinds::NONE.with(EventKind::Contact);
+    let contacts = Demand {
+        events: Events::Kinds(EventKinds::NONE),
+        allowed: 0.0,
+        degree: 2,
+    };
     let (receivers, _) = receivers(&evaluator, contacts, NEAR, &|_, _| {})?;
     let radiosity_options = RadiosityOptions {
         tolerance: match options.tolerance {
@@ -219,9 +247,17 @@ fn direct(
     options: &Options,
     control: &Control<'_>,
 ) -> Result<(DirectMeshes, Vec<ReceiverCurves>, EventCounts), Error> {
-    let events = options.events.with(EventKind::Contact);
-    let (prepared, counts) = receivers(evaluator, events, 0.0, control.progress)?;
-    let (receivers, curves) = prepared.into_iter().map(|p| (p.receiver, p.curves)).unzip();
+    let demand = Demand {
+        events: options.events,
+        allowed: match options.tolerance {
+            Tolerance::Relative(t) => t * peak_estimate(evaluator, light),
+            Tolerance::Absolute(t) => t,
+        },
+        degree: options.chosen_degree(),
+    };
+    let (prepared, mut counts) = receivers(evaluator, demand, 0.0, control.progress)?;
+    let (receivers, curves): (Vec<Receiver>, Vec<ReceiverCurves>) =
+        prepared.into_iter().map(|p| (p.receiver, p.curves)).unzip();
     (control.progress)(Phase::Irradiance, 0.0);
     let direct_options = DirectOptions {
         tolerance: options.tolerance,
@@ -236,7 +272,19 @@ fn direct(
         control.should_stop,
         &|_, done| (control.progress)(Phase::Irradiance, done),
     );
+    for (mesh, curves) in meshes.meshes().zip(&curves) {
+        count_inserted(mesh, curves, &mut counts.inserted);
+    }
     Ok((meshes, curves, counts))
+}
+
+/// What decides which curves become lines.
+#[derive(Clone, Copy, Debug)]
+struct Demand {
+    events: Events,
+    /// The error of irradiance allowed, about; in the scene's units.
+    allowed: f64,
+    degree: u8,
 }
 
 struct Prepared {
@@ -249,19 +297,37 @@ struct Prepared {
 /// centimetre under a ceiling).
 const NEAR: f64 = 0.03;
 
+/// About the largest irradiance of a scene (all bands): that at the middles of the
+/// pieces of its faces.
+fn peak_estimate(evaluator: &Evaluator<'_>, light: &ExactLight<'_, '_>) -> f64 {
+    let scene = evaluator.scene();
+    let peaks: Vec<f64> = scene
+        .pieces
+        .par_iter()
+        .map_init(antumbra_visibility::Scratch::default, |scratch, piece| {
+            let corners = scene.positions(&piece.vertices);
+            let middle = corners.iter().sum::<glam::DVec3>() / corners.len() as f64;
+            let bands = light.at(piece.face, middle, scratch);
+            bands.into_iter().fold(0.0, f64::max)
+        })
+        .collect();
+    peaks.into_iter().fold(0.0, f64::max)
+}
+
 /// Every face with the triangulated arrangement of its curves.
 ///
 /// * `near` — features within this fraction of a receiver's size are drawn on it as
 ///   contacts; 0 for none.
 fn receivers(
     evaluator: &Evaluator<'_>,
-    kinds: EventKinds,
+    demand: Demand,
     near: f64,
     progress: &(dyn Fn(Phase, f64) + Sync),
 ) -> Result<(Vec<Prepared>, EventCounts), Error> {
     let scene = evaluator.scene();
     let faces: Vec<FaceId> = scene.face_ids().collect();
     progress(Phase::Events, 0.0);
+    let kinds = demand.events.kinds();
     let found: Vec<CriticalCurves> = faces
         .par_iter()
         .map(|&face| {
@@ -288,37 +354,43 @@ fn receivers(
     let prepared: Vec<Prepared> = faces
         .par_iter()
         .zip(found)
-        .map(|(&face, curves)| prepare(scene, face, curves.curves))
+        .map(|(&face, curves)| prepare(scene, face, curves.curves, demand))
         .collect::<Result<_, _>>()?;
-    for p in &prepared {
-        let mut is_inserted = vec![false; p.receiver.orders.len()];
-        for triangle in &p.receiver.mesh.triangles {
-            for k in 0..3 {
-                let set = p
-                    .receiver
-                    .mesh
-                    .edge_curves(triangle[k], triangle[(k + 1) % 3]);
-                for &id in set.map_or(&[][..], |set| p.receiver.mesh.sets().get(set)) {
-                    is_inserted[id as usize] = true;
-                }
-            }
-        }
-        for (curve, _) in p
-            .curves
-            .critical
-            .iter()
-            .zip(&is_inserted[p.curves.n_border..])
-            .filter(|(_, inserted)| **inserted)
-        {
-            counts.inserted[curve.kind() as usize] += 1;
-        }
-    }
     Ok((prepared, counts))
 }
 
-/// Triangulates one receiver along its curves.
-fn prepare(scene: &Scene, face: FaceId, critical: Vec<CriticalCurve>) -> Result<Prepared, Error> {
+/// Adds the curves with at least one edge in a mesh.
+fn count_inserted(mesh: MeshWithOrders<'_>, curves: &ReceiverCurves, inserted: &mut CountByKind) {
+    let (mesh, n_curves) = mesh;
+    let mut is_inserted = vec![false; n_curves];
+    for triangle in &mesh.triangles {
+        for k in 0..3 {
+            let set = mesh.edge_curves(triangle[k], triangle[(k + 1) % 3]);
+            for &id in set.map_or(&[][..], |set| mesh.sets().get(set)) {
+                is_inserted[id as usize] = true;
+            }
+        }
+    }
+    for (curve, _) in curves
+        .critical
+        .iter()
+        .zip(&is_inserted[curves.n_border..])
+        .filter(|(_, inserted)| **inserted)
+    {
+        inserted[curve.kind() as usize] += 1;
+    }
+}
+
+/// Triangulates one receiver along its curves: all, or those of contacts, the others
+/// postponed.
+fn prepare(
+    scene: &Scene,
+    face: FaceId,
+    critical: Vec<CriticalCurve>,
+    demand: Demand,
+) -> Result<Prepared, Error> {
     let chart = scene.chart(face);
+    let size = scene.face(face).area.sqrt();
     let mut curves: Vec<TaggedCurve> = scene
         .loops_in_chart(face, &chart)
         .into_iter()
@@ -331,38 +403,124 @@ fn prepare(scene: &Scene, face: FaceId, critical: Vec<CriticalCurve>) -> Result<
         })
         .collect();
     let n_border = curves.len();
-    for curve in &critical {
-        let points = curve
-            .shape
-            .polyline(1e-5 * scene.face(face).area.sqrt())
-            .into_iter()
-            .map(|p| chart.to_chart(p))
-            .collect();
+    let mut orders = vec![Order::Boundary; n_border];
+    let mut postponed = Vec::new();
+    let is_line = lines(&critical, scene, &chart, demand);
+    for (curve, is_line) in critical.iter().zip(is_line) {
         let order = match curve.kind().discontinuity() {
             Discontinuity::D0 => Order::D0,
             Discontinuity::D1 => Order::D1,
             Discontinuity::D2 => Order::D2,
         };
-        curves.push(TaggedCurve { points, order });
+        let exitance = exitance(scene, curve);
+        let points: Vec<DVec2> = curve
+            .shape
+            .polyline(chord_tolerance(curve, exitance, demand.allowed, size))
+            .into_iter()
+            .map(|p| chart.to_chart(p))
+            .collect();
+        let id = orders.len() as u32;
+        orders.push(order);
+        if !is_line {
+            postpone(curve, exitance, &points, id, &mut postponed);
+            // Its place among the ids, without a line in the arrangement.
+            curves.push(TaggedCurve {
+                points: Vec::new(),
+                order,
+            });
+        } else {
+            curves.push(TaggedCurve { points, order });
+        }
     }
     let arrangement = arrange(&curves, &ArrangementOptions::default());
     let mesh = TriMesh::new(&arrangement, &curves).map_err(|error| Error {
         surface: scene.surface_of(face).name.clone(),
         error,
     })?;
-    let orders = curves.iter().map(|c| c.order).collect();
     let receiver = Receiver {
         face,
         chart,
         mesh,
         orders,
         contact_radius: contact_radius(scene, face),
+        postponed,
+        knows_all_curves: demand.events.kinds() == EventKinds::ALL,
     };
     Ok(Prepared {
         receiver,
         curves: ReceiverCurves { n_border, critical },
     })
 }
+
+/// The exitance of a curve's emitter per band; nothing for contacts of occluders.
+fn exitance<'s>(scene: &'s Scene, curve: &CriticalCurve) -> &'s [f64] {
+    curve
+        .emitter
+        .map_or(&[][..], |f| &scene.material(f).exitance)
+}
+
+/// Which curves of a receiver are put into its mesh at the start; contacts always
+/// are.
+fn lines(critical: &[CriticalCurve], scene: &Scene, chart: &Chart, demand: Demand) -> Vec<bool> {
+    if demand.events != Events::OnDemand {
+        return vec![true; critical.len()];
+    }
+    let waits = |c: &&CriticalCurve| c.kind() != EventKind::Contact;
+    let candidates: Vec<Candidate> = critical
+        .iter()
+        .filter(waits)
+        .map(|curve| {
+            let ends = curve.shape.ends().map(|p| chart.to_chart(p));
+            let strongest = exitance(scene, curve).iter().copied().fold(0.0, f64::max);
+            Candidate::new(curve, ends, strongest, START * demand.allowed)
+        })
+        .collect();
+    let mut chosen = worth_a_line(&candidates, demand.degree).into_iter();
+    critical
+        .iter()
+        .map(|curve| curve.kind() == EventKind::Contact || chosen.next() == Some(true))
+        .collect()
+}
+
+/// How far from an arc its chords may run: a D2 curve that is misplaced by ε costs
+/// J ε²/2, of which a tenth of the tolerance is spent here.
+fn chord_tolerance(curve: &CriticalCurve, exitance: &[f64], allowed: f64, size: f64) -> f64 {
+    let strongest = exitance.iter().copied().fold(0.0, f64::max);
+    let jump = strongest * curve.largest_jump(0.0, 1.0);
+    // Not below 64 pixels, not above a hundredth of the receiver.
+    let least = 64.0 * PIXEL * size;
+    let wanted = (0.2 * allowed / jump).sqrt();
+    if wanted.is_nan() {
+        1e-2 * size
+    } else {
+        wanted.clamp(least, 1e-2 * size)
+    }
+}
+
+/// The straight pieces of a curve with their jumps.
+fn postpone(
+    curve: &CriticalCurve,
+    exitance: &[f64],
+    points: &[DVec2],
+    id: u32,
+    postponed: &mut Vec<Postponed>,
+) {
+    let total: f64 = points.windows(2).map(|w| w[0].distance(w[1])).sum();
+    let mut done = 0.0;
+    for pair in points.windows(2) {
+        let length = pair[0].distance(pair[1]);
+        let jump = curve.largest_jump(done / total, (done + length) / total);
+        done += length;
+        postponed.push(Postponed {
+            ends: [pair[0], pair[1]],
+            curve: id,
+            jump: exitance.iter().map(|m| m * jump).collect(),
+        });
+    }
+}
+
+/// A mesh, and how many curves there are for it.
+type MeshWithOrders<'a> = (&'a TriMesh, usize);
 
 /// Features closer than this to a receiver touch it; scene units.
 ///
@@ -381,6 +539,9 @@ fn contact_radius(scene: &Scene, face: FaceId) -> f64 {
     let side = (max - min).max_element() * (1.0 + 1e-6);
     8.0 * side.log2().ceil().exp2() * PIXEL
 }
+
+/// The share of the tolerance that refinement aims at.
+const START: f64 = 0.45;
 
 /// A pixel of the arrangement relative to its receiver, rounded up to a power of two.
 const PIXEL: f64 = 1.0 / (1u64 << 28) as f64;

@@ -1,7 +1,7 @@
 //! The command line.
 
 use antumbra::scene::LengthUnit;
-use antumbra::{EventKind, EventKinds, Tolerance};
+use antumbra::{EventKind, EventKinds, Events, Tolerance};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -90,7 +90,7 @@ pub(crate) struct Meshing {
     /// Events whose curves are put into the mesh: all, auto, none, or a list of
     /// ve, ee, eee, facet, horizon, contact. Contacts always are.
     #[arg(long, value_name = "KINDS", value_parser = events, default_value = "auto")]
-    pub(crate) events: EventKinds,
+    pub(crate) events: Events,
     /// The mesh generator.
     #[arg(long, value_name = "NAME", default_value = "discontinuity")]
     pub(crate) mesher: Mesher,
@@ -241,18 +241,23 @@ fn degree(text: &str) -> Result<Degree, String> {
     }
 }
 
-fn events(text: &str) -> Result<EventKinds, String> {
+fn events(text: &str) -> Result<Events, String> {
     match text {
-        "all" | "auto" => Ok(EventKinds::ALL),
-        "none" => Ok(EventKinds::NONE),
-        list => list.split(',').try_fold(EventKinds::NONE, |kinds, key| {
-            match EventKind::from_key(key.trim()) {
-                Some(kind) => Ok(kinds.with(kind)),
-                None => Err(format!(
-                    "'{key}' is no kind of event: all, auto, none, or a list of ve, ee, eee, facet, horizon, contact"
-                )),
-            }
-        }),
+        "auto" => Ok(Events::OnDemand),
+        "all" => Ok(Events::Kinds(EventKinds::ALL)),
+        "none" => Ok(Events::Kinds(EventKinds::NONE)),
+        list => list
+            .split(',')
+            .try_fold(EventKinds::NONE, |kinds, key| {
+                EventKind::from_key(key.trim())
+                    .map(|kind| kinds.with(kind))
+                    .ok_or_else(|| {
+                        format!(
+                            "'{key}' is no kind of event: all, auto, none, or a list of ve, ee, eee, facet, horizon, contact"
+                        )
+                    })
+            })
+            .map(Events::Kinds),
     }
 }
 

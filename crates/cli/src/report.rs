@@ -167,7 +167,7 @@ fn effects(meshing: &Meshing, result: &Outcome<'_>) -> Value {
     })];
     for kind in EventKind::ALL {
         let simulated =
-            kind == EventKind::Contact || (kind != EventKind::Eee && meshing.events.contains(kind));
+            kind == EventKind::Contact || (kind != EventKind::Eee && meshing.events.kinds().contains(kind));
         effects.push(json!({
             "name": kind.key(),
             "decision": if simulated { "simulated" } else { "left out" },

@@ -2,6 +2,8 @@
 
 use std::cmp::Ordering;
 
+use glam::DVec2;
+
 use crate::trimesh::{TriMesh, ascending};
 
 impl TriMesh {
@@ -28,12 +30,7 @@ impl TriMesh {
         let mut marked = marked.to_vec();
         marked.sort_unstable();
         marked.dedup();
-        let n = self.triangles.len();
-        let mut refinement = Refinement {
-            mesh: self,
-            parents: (0..n as u32).collect(),
-            is_split: vec![false; n],
-        };
+        let mut refinement = Refinement::new(self);
         for t in marked {
             if refinement.is_splittable(t) {
                 refinement.split(t);
@@ -63,15 +60,25 @@ impl TriMesh {
     }
 }
 
-/// A call of [`TriMesh::bisect`] under way.
-struct Refinement<'a> {
-    mesh: &'a mut TriMesh,
-    parents: Vec<u32>,
+/// A change of a mesh under way.
+pub(crate) struct Refinement<'a> {
+    pub(crate) mesh: &'a mut TriMesh,
+    /// Which triangle before the change each is a part of.
+    pub(crate) parents: Vec<u32>,
     /// Which triangles there were at the start have been bisected.
     is_split: Vec<bool>,
 }
 
-impl Refinement<'_> {
+impl<'a> Refinement<'a> {
+    pub(crate) fn new(mesh: &'a mut TriMesh) -> Self {
+        let n = mesh.triangles.len();
+        Self {
+            mesh,
+            parents: (0..n as u32).collect(),
+            is_split: vec![false; n],
+        }
+    }
+
     /// Is the triangle so large that halves of its longest edge are shorter?
     ///
     /// At the last bits of coordinates they need not be, and bisection would not
@@ -82,6 +89,11 @@ impl Refinement<'_> {
         let k = self.mesh.longest_edge(t);
         let [p, q] = [triangle[k], triangle[(k + 1) % 3]].map(|v| self.mesh.vertices[v as usize]);
         p.distance(q) >= 4.0 * self.mesh.pixel()
+    }
+
+    /// Was this triangle split since the start?
+    pub(crate) fn was_split(&self, t: u32) -> bool {
+        self.is_split.get(t as usize).copied().unwrap_or(true)
     }
 
     /// Bisects a triangle, and before it whatever is in the way.
@@ -99,7 +111,8 @@ impl Refinement<'_> {
             match back {
                 Some((n, side)) if self.mesh.longest_edge(n) != side => path.push(n),
                 _ => {
-                    self.bisect_edge(last, k, back);
+                    let [p, q] = [k, (k + 1) % 3].map(|i| self.mesh.corner(last, i));
+                    self.split_edge(last, k, (p + q) / 2.0);
                     // Both have longer edges than the rest of the path, which stays.
                     path.pop();
                 }
@@ -108,7 +121,7 @@ impl Refinement<'_> {
     }
 
     /// Which edge of triangle `t` leads to triangle `to`.
-    fn side_towards(&self, t: u32, to: u32) -> usize {
+    pub(crate) fn side_towards(&self, t: u32, to: u32) -> usize {
         let sides = self.mesh.neighbours[t as usize];
         sides
             .iter()
@@ -116,14 +129,15 @@ impl Refinement<'_> {
             .expect("neighbours know each other")
     }
 
-    /// Puts a vertex in the middle of an edge and bisects the triangles beside it.
-    fn bisect_edge(&mut self, t: u32, k: usize, beyond: Option<(u32, usize)>) {
+    /// Puts a vertex on edge `k` of a triangle and cuts the triangles beside it from
+    /// there to their opposite corners. Returns the vertex.
+    pub(crate) fn split_edge(&mut self, t: u32, k: usize, at: DVec2) -> u32 {
+        let beyond = self.mesh.neighbours[t as usize][k].map(|n| (n, self.side_towards(n, t)));
         let mesh = &mut *self.mesh;
         let triangle = mesh.triangles[t as usize];
         let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
-        let [p, q] = [a, b].map(|v| mesh.vertices[v as usize]);
         let m = mesh.vertices.len() as u32;
-        mesh.vertices.push((p + q) / 2.0);
+        mesh.vertices.push(at);
         if let Some(curves) = mesh.edges.remove(&ascending(a, b)) {
             mesh.edges.insert(ascending(a, m), curves);
             mesh.edges.insert(ascending(m, b), curves);
@@ -136,6 +150,34 @@ impl Refinement<'_> {
             self.join(near_a, a, m, beyond_a);
             self.join(near_b, m, b, beyond_b);
         }
+        m
+    }
+
+    /// Puts a vertex inside a triangle and joins it to the corners. Returns it.
+    pub(crate) fn split_inside(&mut self, t: u32, at: DVec2) -> u32 {
+        let mesh = &mut *self.mesh;
+        let [a, b, c] = mesh.triangles[t as usize];
+        let [_, beyond_bc, beyond_ca] = mesh.neighbours[t as usize];
+        let m = mesh.vertices.len() as u32;
+        mesh.vertices.push(at);
+        let at_b = mesh.triangles.len() as u32;
+        let at_c = at_b + 1;
+        mesh.triangles[t as usize] = [a, b, m];
+        mesh.neighbours[t as usize][1] = Some(at_b);
+        mesh.neighbours[t as usize][2] = Some(at_c);
+        mesh.triangles.extend([[b, c, m], [c, a, m]]);
+        mesh.neighbours.push([beyond_bc, Some(at_c), Some(t)]);
+        mesh.neighbours.push([beyond_ca, Some(t), Some(at_b)]);
+        for (beyond, new) in [(beyond_bc, at_b), (beyond_ca, at_c)] {
+            if let Some(n) = beyond {
+                let back = self.side_towards(n, t);
+                self.mesh.neighbours[n as usize][back] = Some(new);
+            }
+        }
+        let parent = self.parents[t as usize];
+        self.parents.extend([parent; 2]);
+        self.is_split[parent as usize] = true;
+        m
     }
 
     /// Cuts a triangle from `m` in edge `k` to the opposite corner.

@@ -9,6 +9,7 @@
 
 mod arrange;
 mod bisect;
+mod cut;
 mod grid;
 mod lines;
 mod locate;
@@ -20,6 +21,7 @@ mod trimesh;
 pub use arrange::{
     ArrangedEdge, Arrangement, ArrangementOptions, ArrangementReport, Order, TaggedCurve, arrange,
 };
+pub use cut::{Cut, Origins};
 pub use locate::Locator;
 pub use sets::{CurveSets, SetId};
 pub use trimesh::{MeshError, TriMesh, shape_quality};

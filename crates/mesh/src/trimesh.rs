@@ -38,7 +38,7 @@ pub struct TriMesh {
     /// The strongest order of each set.
     orders: Vec<Order>,
     /// The side of a pixel of the arrangement: how exact positions are.
-    pixel: f64,
+    pub(crate) pixel: f64,
 }
 
 impl TriMesh {
@@ -154,6 +154,24 @@ impl TriMesh {
     #[must_use]
     pub fn sets(&self) -> &CurveSets {
         &self.sets
+    }
+
+    pub(crate) fn corner(&self, triangle: u32, k: usize) -> DVec2 {
+        self.vertices[self.triangles[triangle as usize][k] as usize]
+    }
+
+    /// Adds a curve to an edge.
+    pub(crate) fn tag(&mut self, a: u32, b: u32, curve: u32, order: Order) {
+        let key = ascending(a, b);
+        let old = self.edges.get(&key).copied();
+        let mut members = old.map_or(Vec::new(), |set| self.sets.get(set).to_vec());
+        members.push(curve);
+        let strongest = old.map_or(order, |set| order.min(self.orders[set.0 as usize]));
+        let set = self.sets.intern(&members);
+        if set.0 as usize == self.orders.len() {
+            self.orders.push(strongest);
+        }
+        self.edges.insert(key, set);
     }
 
     /// The corners' positions.

@@ -4,6 +4,7 @@
 //! measure what interpolation costs; elements above the tolerance are bisected
 //! until the whole scene is below it.
 
+use antumbra_mesh::TriMesh;
 use crate::field::{Field, Light, Receiver, ReceiverMesh};
 use rayon::prelude::*;
 
@@ -88,7 +89,7 @@ impl DirectMeshes {
             .map(|r| Field::new(r, light, options.degree))
             .collect();
         fields.par_iter_mut().for_each(|field| {
-            if !field.is_dark {
+            if !field.is_dark && !field.knows_all_curves() {
                 field.coarsest(COARSEST);
             }
         });
@@ -104,10 +105,11 @@ impl DirectMeshes {
             let mut levels = meshes.levels();
             let count = |levels: &[Vec<u8>]| levels.iter().flatten().filter(|&&l| l > 0).count();
             if count(&levels) == 0 && options.verify {
+                let allowed = meshes.allowed();
                 meshes
                     .fields
                     .par_iter_mut()
-                    .for_each(|field| field.verify(light));
+                    .for_each(|field| field.verify(light, &allowed));
                 meshes.gather_peak();
                 levels = meshes.levels();
             }
@@ -149,10 +151,14 @@ impl DirectMeshes {
     }
 
     pub(crate) fn refine(&mut self, levels: Vec<Vec<u8>>) {
+        let allowed = self.allowed();
         self.fields
             .par_iter_mut()
             .zip(levels)
-            .for_each(|(field, levels)| field.refine(levels));
+            .for_each(|(field, mut levels)| {
+                field.cut(&mut levels, &allowed);
+                field.refine(levels);
+            });
     }
 
     /// The error allowed in each band, in the scene's units.
@@ -164,6 +170,11 @@ impl DirectMeshes {
                 Tolerance::Absolute(t) => t,
             })
             .collect()
+    }
+
+    /// The mesh of every receiver, and the number of its curves.
+    pub fn meshes(&self) -> impl Iterator<Item = (&TriMesh, usize)> {
+        self.fields.iter().map(|f| (&f.mesh, f.orders.len()))
     }
 
     /// Elements of all receivers.

@@ -2,7 +2,7 @@
 
 use crate::basis::{MOST_NODES, lattice, n_nodes, values};
 use antumbra_geom::Chart;
-use antumbra_mesh::{Locator, Order, TriMesh};
+use antumbra_mesh::{Cut, Locator, Order, Origins, TriMesh};
 use antumbra_scene::FaceId;
 use glam::{DVec2, DVec3};
 use std::collections::HashMap;
@@ -44,6 +44,22 @@ pub struct Receiver {
     pub orders: Vec<Order>,
     /// Distance within which features touch a node on the border or a contact.
     pub contact_radius: f64,
+    /// Curves that are not in the mesh and are put there where they pay.
+    pub postponed: Vec<Postponed>,
+    /// Are all curves across which light bends in the mesh or postponed? Then
+    /// elements without curves hide nothing, and fewer check points do.
+    pub knows_all_curves: bool,
+}
+
+/// A straight piece of a curve that waits until an element needs it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Postponed {
+    /// Its ends in the chart.
+    pub ends: [DVec2; 2],
+    /// Its curve: an index into [`Receiver::orders`].
+    pub curve: u32,
+    /// The largest jump of the derivative across it, per band.
+    pub jump: Vec<f64>,
 }
 
 /// A receiver's mesh with its values.
@@ -165,6 +181,16 @@ const EDGE_CHECK: [f64; 4] = [0.5, 0.211, 0.127, 0.0892];
 /// factor of two, rarely more (measured: `docs/accuracy.md`).
 pub(crate) const SAFETY: f64 = 0.45;
 
+/// The same for elements in which nothing bends, or only little: curves that may cost
+/// less than this share of the tolerance. Of smooth functions the check points find
+/// most of the largest error.
+const CALM_KINK: f64 = 0.1;
+const CALM_SAFETY: f64 = 0.6;
+
+/// What splitting an element costs, relative to the estimate of
+/// [`Field::worth_cutting`]: cuts make slim triangles (measured on the box fixtures).
+const SPLITTING: f64 = 0.3;
+
 /// Elements at the end of a contact that are shorter than this fraction of their
 /// receiver are not refined.
 ///
@@ -175,6 +201,28 @@ pub(crate) const RESOLUTION: f64 = 1.0 / 8192.0;
 /// No element shorter than this fraction of its receiver is refined: 64 pixels of
 /// its arrangement.
 const SHORTEST: f64 = 1.0 / (1 << 22) as f64;
+
+/// Where the error is measured on edges if all curves are known, by degree, from both
+/// ends: places that are nodes of the halves, so that a bisection loses nothing.
+const NESTED_CHECK: [f64; 4] = [0.5, 0.25, 1.0 / 6.0, 0.125];
+
+/// Positions nearer than this fraction of the receiver are one node: the same place
+/// computed from an edge and from its half.
+const SAME_NODE: f64 = 1.0 / (1u64 << 40) as f64;
+
+/// What ignoring a kink across the middle of an element costs: the largest error per
+/// jump and size (D1) or size squared (D2), by degree.
+///
+/// # Source
+///
+/// Best approximation of a kink by polynomials; the table in `docs/design.md`.
+pub const KINK_D1: [f64; 4] = [0.125, 0.045, 0.031, 0.021];
+/// The same for D2.
+pub const KINK_D2: [f64; 4] = [0.062, 0.0107, 0.0029, 0.0017];
+
+/// An element is cut if a kink may explain its error this many times over: near the
+/// bound, splitting is cheaper.
+const EXPLAINS: f64 = 4.0;
 
 /// What makes a node: its position, and the side it is approached from.
 type NodeKey = [u64; 4];
@@ -187,6 +235,10 @@ pub(crate) struct Field {
     pub(crate) mesh: TriMesh,
     pub(crate) orders: Vec<Order>,
     contact_radius: f64,
+    postponed: Vec<Postponed>,
+    /// The postponed curves that run through each element.
+    crossing: Vec<Vec<u32>>,
+    knows_all_curves: bool,
     pub(crate) degree: u8,
     pub(crate) n_bands: usize,
     pub(crate) is_dark: bool,
@@ -229,7 +281,14 @@ impl Field {
                 (min.min(v), max.max(v))
             });
         let n_bands = light.n_bands();
+        let all: Vec<u32> = (0..receiver.postponed.len() as u32).collect();
+        let crossing = (0..n_triangles)
+            .map(|t| crossing(&receiver.mesh, t, &receiver.postponed, &all))
+            .collect();
         Self {
+            postponed: receiver.postponed,
+            crossing,
+            knows_all_curves: receiver.knows_all_curves,
             is_dark: !light.reaches(receiver.face),
             face: receiver.face,
             chart: receiver.chart,
@@ -260,6 +319,10 @@ impl Field {
     pub(crate) fn longest_edge(&self, t: usize) -> f64 {
         let [a, b, c] = self.mesh.triangles[t].map(|v| self.mesh.vertices[v as usize]);
         (b - a).length().max((c - b).length()).max((a - c).length())
+    }
+
+    pub(crate) fn knows_all_curves(&self) -> bool {
+        self.knows_all_curves
     }
 
     /// Bisects until no element is longer than this fraction of the receiver.
@@ -314,8 +377,13 @@ impl Field {
             self.is_singular[t] = self.touches(t, &singular);
         }
         let n_new_nodes = samples.len();
+        let inner_points: &[[f64; 3]] = if self.knows_all_curves {
+            &[]
+        } else {
+            &CHECK_POINTS
+        };
         for &t in &new {
-            for at in CHECK_POINTS {
+            for &at in inner_points {
                 let uv = self.point(t, at);
                 samples.push(Sample {
                     point: self.chart.to_space(uv),
@@ -340,8 +408,8 @@ impl Field {
         for (k, &t) in new.iter().enumerate() {
             for band in 0..self.n_bands {
                 let mut worst = 0.0f64;
-                for (c, &at) in CHECK_POINTS.iter().enumerate() {
-                    let exact = inner[(k * CHECK_POINTS.len() + c) * self.n_bands + band];
+                for (c, &at) in inner_points.iter().enumerate() {
+                    let exact = inner[(k * inner_points.len() + c) * self.n_bands + band];
                     worst = worst.max((self.value(&self.direct, t, at, band) - exact).abs());
                 }
                 for &(at, id) in &edge_checks[k] {
@@ -353,39 +421,190 @@ impl Field {
         }
     }
 
-    /// Measures the error of every element once more, at other points.
-    pub(crate) fn verify(&mut self, light: &dyn Light) {
+    /// Measures the error of every element once more, at other points: at one if all
+    /// curves are known and none of those left out can cost the tolerance there.
+    pub(crate) fn verify(&mut self, light: &dyn Light, allowed: &[f64]) {
         if self.is_dark {
             return;
         }
-        let new: Vec<usize> = (0..self.mesh.triangles.len())
-            .filter(|&t| !self.is_verified[t])
-            .collect();
-        let samples: Vec<Sample> = new
-            .iter()
-            .flat_map(|&t| SECOND_POINTS.map(|at| self.point(t, at)))
-            .map(|uv| Sample {
-                point: self.chart.to_space(uv),
-                toward: None,
-            })
-            .collect();
+        let points_of = |this: &Self, t: usize| -> &'static [[f64; 3]] {
+            if !this.knows_all_curves {
+                &SECOND_POINTS
+            } else if this.worst_kink(t, allowed) > 0.5 {
+                &CHECK_POINTS
+            } else {
+                &SECOND_POINTS[..1]
+            }
+        };
+        let mut samples: Vec<Sample> = Vec::new();
+        let mut places: Vec<(usize, [f64; 3])> = Vec::new();
+        for t in 0..self.mesh.triangles.len() {
+            if self.is_verified[t] {
+                continue;
+            }
+            self.is_verified[t] = true;
+            for &at in points_of(self, t) {
+                places.push((t, at));
+                samples.push(Sample {
+                    point: self.chart.to_space(self.point(t, at)),
+                    toward: None,
+                });
+            }
+        }
         if samples.is_empty() {
             return;
         }
         self.n_evaluations += samples.len() as u64;
         let found = light.irradiance(self.face, &samples, self.contact_radius);
-        for (k, &t) in new.iter().enumerate() {
-            self.is_verified[t] = true;
-            for (c, &at) in SECOND_POINTS.iter().enumerate() {
-                for band in 0..self.n_bands {
-                    let exact = found[(k * SECOND_POINTS.len() + c) * self.n_bands + band];
-                    self.peak[band] = self.peak[band].max(exact);
-                    let error = (self.value(&self.direct, t, at, band) - exact).abs();
-                    let worst = &mut self.errors[t * self.n_bands + band];
-                    *worst = worst.max(error);
-                }
+        for (&(t, at), exact) in places.iter().zip(found.chunks_exact(self.n_bands)) {
+            for (band, &exact) in exact.iter().enumerate() {
+                self.peak[band] = self.peak[band].max(exact);
+                let error = (self.value(&self.direct, t, at, band) - exact).abs();
+                let worst = &mut self.errors[t * self.n_bands + band];
+                *worst = worst.max(error);
             }
         }
+    }
+
+    /// What leaving a postponed curve out of an element can cost, relative to what is
+    /// allowed.
+    ///
+    /// The width of the element across the curve counts, and a curve that only cuts
+    /// off a corner costs no more than the corner's bend.
+    fn kink(&self, t: usize, curve: u32, allowed: &[f64]) -> f64 {
+        let postponed = &self.postponed[curve as usize];
+        let [a, b] = postponed.ends;
+        let Some(across) = (b - a).try_normalize().map(DVec2::perp) else {
+            return 0.0;
+        };
+        let (mut lo, mut hi) = (0.0f64, 0.0f64);
+        for v in self.mesh.triangles[t] {
+            let d = across.dot(self.mesh.vertices[v as usize] - a);
+            (lo, hi) = (lo.min(d), hi.max(d));
+        }
+        let (width, corner) = (hi - lo, hi.min(-lo));
+        let p = usize::from(self.degree) - 1;
+        let size = match self.orders[postponed.curve as usize] {
+            Order::D1 => (KINK_D1[p] * width).min(0.25 * corner),
+            _ => (KINK_D2[p] * width * width).min(0.125 * corner * corner),
+        };
+        let mut worst = 0.0f64;
+        for (jump, &allowed) in postponed.jump.iter().zip(allowed) {
+            if allowed > 0.0 {
+                worst = worst.max(jump * size / allowed);
+            }
+        }
+        worst
+    }
+
+    /// The largest [`Field::kink`] of the curves through an element.
+    fn worst_kink(&self, t: usize, allowed: &[f64]) -> f64 {
+        self.crossing[t]
+            .iter()
+            .map(|&c| self.kink(t, c, allowed))
+            .fold(0.0, f64::max)
+    }
+
+    /// How many of the strongest curves through an element are cheaper to put there
+    /// than to refine away; `kinks` are costs relative to what is allowed, descending.
+    ///
+    /// Refining to the size h at which a kink is within the tolerance takes about
+    /// 4 w/h elements along it (w the width of the element), and never more than
+    /// 2 (w/h)² all over. Cutting takes three a curve, and more where curves cross.
+    fn worth_cutting(&self, kinks: &[(f64, u32)]) -> usize {
+        let steps = |&(kink, c): &(f64, u32)| match self.orders
+            [self.postponed[c as usize].curve as usize]
+        {
+            Order::D1 => kink,
+            _ => kink.sqrt(),
+        };
+        let mut along: f64 = kinks.iter().map(|k| 4.0 * steps(k)).sum();
+        let (mut best, mut least) = (0, f64::INFINITY);
+        for n in 0..=kinks.len() {
+            let all_over = kinks[n..]
+                .iter()
+                .map(steps)
+                .fold(0.0, f64::max)
+                .powi(2)
+                * 2.0;
+            let k = n as f64;
+            let cost = 1.0 + 3.0 * k + 0.6 * k * (k - 1.0) + SPLITTING * along.min(all_over);
+            if cost < least {
+                (best, least) = (n, cost);
+            }
+            if let Some(kink) = kinks.get(n) {
+                along -= 4.0 * steps(kink);
+            }
+        }
+        best
+    }
+
+    /// Puts postponed curves into the elements whose error they explain; `levels`
+    /// become 0 there. Returns whether anything was cut.
+    ///
+    /// An element whose error no curve explains is smooth so far: it is split.
+    pub(crate) fn cut(&mut self, levels: &mut Vec<u8>, allowed: &[f64]) -> bool {
+        let mut wanted: Vec<Vec<u32>> = vec![Vec::new(); self.postponed.len()];
+        for t in 0..self.mesh.triangles.len() {
+            if levels[t] == 0 || self.crossing[t].is_empty() {
+                continue;
+            }
+            let excess = self.excess(t, &self.errors, allowed) * SAFETY;
+            let mut kinks: Vec<(f64, u32)> = self.crossing[t]
+                .iter()
+                .map(|&c| (self.kink(t, c, allowed), c))
+                .filter(|k| k.0 > 1.0)
+                .collect();
+            kinks.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            let Some(strongest) = kinks.first() else {
+                continue;
+            };
+            if strongest.0 < EXPLAINS * excess {
+                continue;
+            }
+            let n = self.worth_cutting(&kinks);
+            for &(_, c) in &kinks[..n] {
+                wanted[c as usize].push(t as u32);
+            }
+            if n > 0 {
+                levels[t] = 0;
+            }
+        }
+        let cuts: Vec<(Cut, Vec<u32>)> = wanted
+            .into_iter()
+            .enumerate()
+            .filter(|(_, wanted)| !wanted.is_empty())
+            .map(|(c, wanted)| {
+                let postponed = &self.postponed[c];
+                let cut = Cut {
+                    ends: postponed.ends,
+                    curve: postponed.curve,
+                    order: self.orders[postponed.curve as usize],
+                };
+                (cut, wanted)
+            })
+            .collect();
+        if cuts.is_empty() {
+            return false;
+        }
+        // A curve that is an edge now (or too short to be one) is no kink any more.
+        for (cut, wanted) in &cuts {
+            for &t in wanted {
+                self.crossing[t as usize]
+                    .retain(|&c| self.postponed[c as usize].ends != cut.ends);
+            }
+        }
+        let before = self.mesh.triangles.clone();
+        let origins = self.mesh.cut(&cuts);
+        self.inherit(&before, &origins);
+        // What changed is evaluated before it is split.
+        levels.resize(self.mesh.triangles.len(), 0);
+        for (t, level) in levels.iter_mut().enumerate() {
+            if before.get(t) != Some(&self.mesh.triangles[t]) {
+                *level = 0;
+            }
+        }
+        true
     }
 
     /// A field on the nodes (`n_bands` values each) at barycentric coordinates of
@@ -532,25 +751,33 @@ impl Field {
         ids
     }
 
-    /// Check points on the edges of an element that lie on curves: where
-    /// interpolation along the edge errs most.
+    /// Check points on the edges of an element that lie on curves, or on all if all
+    /// curves are known: where interpolation along the edge errs most.
     fn edge_checks_for(&mut self, t: usize, samples: &mut Vec<Sample>) -> Vec<([f64; 3], u32)> {
         let centroid = self.point(t, [1.0 / 3.0; 3]);
         let triangle = self.mesh.triangles[t];
         let mut checks = Vec::new();
         for k in 0..3 {
             let next = (k + 1) % 3;
-            if self.mesh.edge_curves(triangle[k], triangle[next]).is_none() {
+            let checks_all = self.knows_all_curves;
+            if !checks_all && self.mesh.edge_curves(triangle[k], triangle[next]).is_none() {
                 continue;
             }
-            let off = EDGE_CHECK[usize::from(self.degree) - 1];
-            for at in [off, 1.0 - off] {
+            let places = if checks_all { &NESTED_CHECK } else { &EDGE_CHECK };
+            let off = places[usize::from(self.degree) - 1];
+            let order = if checks_all && triangle[k] > triangle[next] {
+                [1.0 - off, off]
+            } else {
+                [off, 1.0 - off]
+            };
+            for at in order {
                 let (uv, side) = self.on_edge(t, k, at, centroid);
                 let mut barycentric = [0.0; 3];
                 barycentric[k] = 1.0 - at;
                 barycentric[next] = at;
                 checks.push((barycentric, self.node(uv, side, centroid, samples)));
-                if off == 0.5 {
+                // One place an edge, the same from both sides, if all curves are known.
+                if off == 0.5 || checks_all {
                     break;
                 }
             }
@@ -609,7 +836,13 @@ impl Field {
             NodeSide::Right => [3, 0],
             NodeSide::Corner => [toward.x.to_bits(), toward.y.to_bits()],
         };
-        let key = [uv.x.to_bits(), uv.y.to_bits(), tag[0], tag[1]];
+        let place = (uv / (SAME_NODE * self.size)).round();
+        let key = [
+            (place.x as i64).cast_unsigned(),
+            (place.y as i64).cast_unsigned(),
+            tag[0],
+            tag[1],
+        ];
         if let Some(&id) = self.ids.get(&key) {
             return id;
         }
@@ -636,12 +869,7 @@ impl Field {
         let order = f64::from(self.degree) + 1.0;
         (0..self.mesh.triangles.len())
             .map(|t| {
-                let mut excess = 0.0f64;
-                for (band, &a) in allowed.iter().enumerate() {
-                    if a > 0.0 {
-                        excess = excess.max(errors[t * self.n_bands + band] / (SAFETY * a));
-                    }
-                }
+                let excess = self.excess(t, errors, allowed);
                 let resolution = if self.is_singular[t] {
                     RESOLUTION
                 } else {
@@ -656,9 +884,30 @@ impl Field {
                 // Two bisections halve the length and divide the error of a smooth
                 // function by 2^order.
                 let wanted = (2.0 * excess.log2() / order).ceil();
-                wanted.clamp(1.0, 4.0) as u8
+                // Where few elements are known, the order is not yet seen.
+                let most = if self.knows_all_curves { 2.0 } else { 4.0 };
+                wanted.clamp(1.0, most) as u8
             })
             .collect()
+    }
+
+    fn safety(&self, t: usize, allowed: &[f64]) -> f64 {
+        if self.knows_all_curves && self.worst_kink(t, allowed) < CALM_KINK {
+            CALM_SAFETY
+        } else {
+            SAFETY
+        }
+    }
+
+    /// An element's error relative to what it is refined for.
+    fn excess(&self, t: usize, errors: &[f64], allowed: &[f64]) -> f64 {
+        let mut excess = 0.0f64;
+        for (band, &a) in allowed.iter().enumerate() {
+            if a > 0.0 {
+                excess = excess.max(errors[t * self.n_bands + band] / (self.safety(t, allowed) * a));
+            }
+        }
+        excess
     }
 
     pub(crate) fn refine(&mut self, mut levels: Vec<u8>) {
@@ -689,18 +938,39 @@ impl Field {
     pub(crate) fn bisect(&mut self, marked: &[u32]) -> Vec<u32> {
         let before = self.mesh.triangles.clone();
         let parents = self.mesh.bisect(marked);
+        let origins: Vec<Origins> = parents
+            .iter()
+            .map(|&p| Origins::from_slice(&[p]))
+            .collect();
+        self.inherit(&before, &origins);
+        parents
+    }
+
+    /// After a change of the mesh: forgets what was known of elements that changed.
+    fn inherit(&mut self, before: &[[u32; 3]], origins: &[Origins]) {
         let n = self.mesh.triangles.len();
         self.element_nodes.resize(n, [u32::MAX; MOST_NODES]);
         self.errors.resize(n * self.n_bands, 0.0);
         self.is_singular.resize(n, false);
         self.is_verified.resize(n, false);
-        for (t, old) in before.iter().enumerate() {
-            if *old != self.mesh.triangles[t] {
-                self.is_verified[t] = false;
-                self.element_nodes[t] = [u32::MAX; MOST_NODES];
+        self.crossing.resize(n, Vec::new());
+        let old = self.crossing.clone();
+        for t in 0..n {
+            if before.get(t) == Some(&self.mesh.triangles[t]) {
+                continue;
             }
+            self.is_verified[t] = false;
+            self.element_nodes[t] = [u32::MAX; MOST_NODES];
+            let mut candidates: Vec<u32> = origins[t]
+                .iter()
+                .flat_map(|&o| old[o as usize].iter().copied())
+                .collect();
+            if origins[t].len() > 1 {
+                candidates.sort_unstable();
+                candidates.dedup();
+            }
+            self.crossing[t] = crossing(&self.mesh, t, &self.postponed, &candidates);
         }
-        parents
     }
 
     /// Features within this distance touch a one-sided node; scene units.
@@ -784,6 +1054,38 @@ impl Field {
             n_bands: self.n_bands,
         }
     }
+}
+
+/// Which of `candidates` run through an element.
+fn crossing(mesh: &TriMesh, t: usize, postponed: &[Postponed], candidates: &[u32]) -> Vec<u32> {
+    let corners = mesh.corners(t as u32);
+    let (min, max) = (
+        corners[0].min(corners[1]).min(corners[2]),
+        corners[0].max(corners[1]).max(corners[2]),
+    );
+    let least = 1e-3 * (max - min).max_element();
+    let passes = |c: &u32| {
+        let [p, q] = postponed[*c as usize].ends;
+        if p.min(q).cmpgt(max).any() || p.max(q).cmplt(min).any() {
+            return false;
+        }
+        let (mut from, mut to) = (0.0f64, 1.0f64);
+        for k in 0..3 {
+            let (a, b) = (corners[k], corners[(k + 1) % 3]);
+            let inward = (b - a).perp();
+            let (hp, hq) = (inward.dot(p - a), inward.dot(q - a));
+            if hp <= 0.0 && hq <= 0.0 {
+                return false;
+            }
+            if hp < 0.0 {
+                from = from.max(hp / (hp - hq));
+            } else if hq < 0.0 {
+                to = to.min(hp / (hp - hq));
+            }
+        }
+        (to - from) * p.distance(q) > least
+    };
+    candidates.iter().copied().filter(passes).collect()
 }
 
 /// A vertex on the border or on a contact.

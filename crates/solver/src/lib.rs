@@ -6,5 +6,5 @@ mod field;
 mod radiosity;
 
 pub use direct::{DirectMeshes, DirectOptions, DirectSolution, Ended, Tolerance};
-pub use field::{Light, Receiver, ReceiverMesh, Sample};
+pub use field::{KINK_D1, KINK_D2, Light, Postponed, Receiver, ReceiverMesh, Sample};
 pub use radiosity::{Power, RadiosityOptions, RadiositySolution, RowSums, solve_radiosity};
