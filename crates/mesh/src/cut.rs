@@ -226,30 +226,41 @@ impl Refinement<'_> {
         }
         // Ends of the piece inside the triangle.
         if from.0 < -near {
-            from = (0.0, self.end(corners, lengths, p));
+            from = (0.0, Self::end(corners, lengths, p, near));
         }
         if to.0 > length + near {
-            to = (length, self.end(corners, lengths, q));
+            to = (length, Self::end(corners, lengths, q, near));
         }
         (to.0 - from.0 > shortest && from.1 != to.1).then_some([from.1, to.1])
     }
 
-    /// The place of an end of a piece: a corner or edge if that is near.
-    fn end(&self, corners: [DVec2; 3], lengths: [f64; 3], at: DVec2) -> Place {
-        let near = |length: f64| (SHORTEST * self.mesh.pixel()).max(SNAP * length);
-        for k in 0..3 {
-            if at.distance(corners[k]) <= near(lengths[k].max(lengths[(k + 2) % 3])) {
-                return Place::Corner(k);
-            }
+    /// The place of an end of a piece: a corner or edge if that is nearer than `near`,
+    /// or if the end is outside by rounding.
+    fn end(corners: [DVec2; 3], lengths: [f64; 3], at: DVec2, near: f64) -> Place {
+        if let Some(k) = (0..3).find(|&k| at.distance(corners[k]) <= near) {
+            return Place::Corner(k);
         }
         for k in 0..3 {
             let (a, b) = (corners[k], corners[(k + 1) % 3]);
             let along = (b - a) / lengths[k];
-            if along.perp_dot(at - a).abs() <= near(lengths[k]) {
-                return Place::Edge(k, a + along * along.dot(at - a));
+            let s = along.dot(at - a);
+            if along.perp_dot(at - a) <= near && s > 0.0 && s < lengths[k] {
+                return Place::Edge(k, a + along * s);
             }
         }
-        Place::Inside(at)
+        let is_inside = (0..3).all(|k| {
+            let (a, b) = (corners[k], corners[(k + 1) % 3]);
+            (b - a).perp_dot(at - a) > 0.0
+        });
+        if is_inside {
+            return Place::Inside(at);
+        }
+        let distance = |k: &usize| corners[*k].distance_squared(at);
+        Place::Corner(
+            (0..3)
+                .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+                .unwrap_or(0),
+        )
     }
 }
 

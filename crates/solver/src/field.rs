@@ -5,6 +5,7 @@ use antumbra_geom::Chart;
 use antumbra_mesh::{Cut, Locator, Order, Origins, TriMesh};
 use antumbra_scene::FaceId;
 use glam::{DVec2, DVec3};
+use smallvec::SmallVec;
 use std::collections::HashMap;
 
 /// A point of a receiver whose exact irradiance is asked for.
@@ -172,6 +173,15 @@ pub(crate) const CHECK_POINTS: [[f64; 3]; 3] =
 /// from these.
 const SECOND_POINTS: [[f64; 3]; 2] = [[0.42, 0.50, 0.08], [0.50, 0.08, 0.42]];
 
+/// Where the error is measured inside of elements if all curves are known, by degree:
+/// in the middle between the nodes. Elements without inner nodes are seen less of.
+const INNER_POINTS: [&[[f64; 3]]; 4] = [
+    &[[0.38, 0.34, 0.28], [0.2, 0.18, 0.62]],
+    &[[0.38, 0.34, 0.28], [0.2, 0.18, 0.62]],
+    &[[0.55, 0.25, 0.20]],
+    &[[0.38, 0.34, 0.28]],
+];
+
 /// Where the error is measured on an edge that lies on a curve, by degree, from
 /// both ends: the largest error of interpolation at equally spaced nodes.
 const EDGE_CHECK: [f64; 4] = [0.5, 0.211, 0.127, 0.0892];
@@ -185,7 +195,7 @@ pub(crate) const SAFETY: f64 = 0.45;
 /// less than this share of the tolerance. Of smooth functions the check points find
 /// most of the largest error.
 const CALM_KINK: f64 = 0.1;
-const CALM_SAFETY: f64 = 0.6;
+const CALM_SAFETY: f64 = 0.55;
 
 /// What splitting an element costs, relative to the estimate of
 /// [`Field::worth_cutting`]: cuts make slim triangles (measured on the box fixtures).
@@ -421,21 +431,44 @@ impl Field {
         }
     }
 
-    /// Measures the error of every element once more, at other points: at one if all
-    /// curves are known and none of those left out can cost the tolerance there.
+    /// Where to measure the error of an element once more. If all curves are known: at
+    /// a point or two, and in the middle of curves left out, where their kinks cost most.
+    fn second_points(&self, t: usize, allowed: &[f64]) -> SmallVec<[[f64; 3]; 4]> {
+        if !self.knows_all_curves {
+            return SmallVec::from_slice(&SECOND_POINTS);
+        }
+        let mut kinks: SmallVec<[(f64, u32); 8]> = self.crossing[t]
+            .iter()
+            .map(|&c| (self.kink(t, c, allowed), c))
+            .filter(|k| k.0 > CALM_KINK)
+            .collect();
+        kinks.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let mut points = SmallVec::from_slice(INNER_POINTS[usize::from(self.degree) - 1]);
+        points.extend(kinks.iter().take(3).filter_map(|&(_, c)| self.middle_of(t, c)));
+        points
+    }
+
+    /// The middle of a postponed curve's part in an element.
+    fn middle_of(&self, t: usize, curve: u32) -> Option<[f64; 3]> {
+        let corners = self.mesh.corners(t as u32);
+        let ends = self.postponed[curve as usize].ends;
+        let (from, to) = part_inside(corners, ends)?;
+        let middle = ends[0] + (ends[1] - ends[0]) * (0.5 * (from + to));
+        let [a, b, c] = corners;
+        let area = (b - a).perp_dot(c - a);
+        let (v, w) = (
+            (middle - a).perp_dot(c - a) / area,
+            (b - a).perp_dot(middle - a) / area,
+        );
+        let at = [1.0 - v - w, v, w];
+        at.iter().all(|x| (0.0..=1.0).contains(x)).then_some(at)
+    }
+
+    /// Measures the error of every element once more, at other points.
     pub(crate) fn verify(&mut self, light: &dyn Light, allowed: &[f64]) {
         if self.is_dark {
             return;
         }
-        let points_of = |this: &Self, t: usize| -> &'static [[f64; 3]] {
-            if !this.knows_all_curves {
-                &SECOND_POINTS
-            } else if this.worst_kink(t, allowed) > 0.5 {
-                &CHECK_POINTS
-            } else {
-                &SECOND_POINTS[..1]
-            }
-        };
         let mut samples: Vec<Sample> = Vec::new();
         let mut places: Vec<(usize, [f64; 3])> = Vec::new();
         for t in 0..self.mesh.triangles.len() {
@@ -443,7 +476,7 @@ impl Field {
                 continue;
             }
             self.is_verified[t] = true;
-            for &at in points_of(self, t) {
+            for at in self.second_points(t, allowed) {
                 places.push((t, at));
                 samples.push(Sample {
                     point: self.chart.to_space(self.point(t, at)),
@@ -777,7 +810,7 @@ impl Field {
                 barycentric[next] = at;
                 checks.push((barycentric, self.node(uv, side, centroid, samples)));
                 // One place an edge, the same from both sides, if all curves are known.
-                if off == 0.5 || checks_all {
+                if off == 0.5 || (checks_all && self.degree > 2) {
                     break;
                 }
             }
@@ -1069,23 +1102,28 @@ fn crossing(mesh: &TriMesh, t: usize, postponed: &[Postponed], candidates: &[u32
         if p.min(q).cmpgt(max).any() || p.max(q).cmplt(min).any() {
             return false;
         }
-        let (mut from, mut to) = (0.0f64, 1.0f64);
-        for k in 0..3 {
-            let (a, b) = (corners[k], corners[(k + 1) % 3]);
-            let inward = (b - a).perp();
-            let (hp, hq) = (inward.dot(p - a), inward.dot(q - a));
-            if hp <= 0.0 && hq <= 0.0 {
-                return false;
-            }
-            if hp < 0.0 {
-                from = from.max(hp / (hp - hq));
-            } else if hq < 0.0 {
-                to = to.min(hp / (hp - hq));
-            }
-        }
-        (to - from) * p.distance(q) > least
+        part_inside(corners, [p, q]).is_some_and(|(from, to)| (to - from) * p.distance(q) > least)
     };
     candidates.iter().copied().filter(passes).collect()
+}
+
+/// The part of a segment inside a triangle, by its parameter.
+fn part_inside(corners: [DVec2; 3], [p, q]: [DVec2; 2]) -> Option<(f64, f64)> {
+    let (mut from, mut to) = (0.0f64, 1.0f64);
+    for k in 0..3 {
+        let (a, b) = (corners[k], corners[(k + 1) % 3]);
+        let inward = (b - a).perp();
+        let (hp, hq) = (inward.dot(p - a), inward.dot(q - a));
+        if hp <= 0.0 && hq <= 0.0 {
+            return None;
+        }
+        if hp < 0.0 {
+            from = from.max(hp / (hp - hq));
+        } else if hq < 0.0 {
+            to = to.min(hp / (hp - hq));
+        }
+    }
+    (from < to).then_some((from, to))
 }
 
 /// A vertex on the border or on a contact.
