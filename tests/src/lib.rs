@@ -4,5 +4,7 @@ pub mod cases;
 pub mod motion;
 pub mod oracle;
 pub mod quadrature;
+pub mod random;
 pub mod rational;
 pub mod scenes;
+pub mod structure;

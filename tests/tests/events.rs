@@ -76,7 +76,7 @@ fn row(scene: &Scene, curve: &CriticalCurve) -> String {
         let p = scene.frame.to_file(p);
         format!("({} {} {})", rounded(p.x), rounded(p.y), rounded(p.z))
     };
-    let (first, last) = (curve.points[0], curve.points[curve.points.len() - 1]);
+    let [first, last] = curve.shape.ends();
     let mut ends = [end(first), end(last)];
     ends.sort();
     let emitter = curve
@@ -214,7 +214,7 @@ fn smooth_curves(name: &str, kinds: &[EventKind]) -> (usize, Vec<String>) {
     {
         let normal = scene.face(*face).normal;
         for curve in curves.iter().filter(|c| kinds.contains(&c.kind())) {
-            let (a, b) = (curve.points[0], curve.points[curve.points.len() - 1]);
+            let [a, b] = curve.shape.ends();
             let Some(along) = (b - a).try_normalize() else {
                 continue;
             };

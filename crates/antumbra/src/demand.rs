@@ -85,10 +85,12 @@ struct Neighbours {
 
 impl Neighbours {
     fn new(candidates: &[Candidate]) -> Self {
-        let (min, max) = candidates.iter().flat_map(|c| c.ends).fold(
-            (DVec2::INFINITY, DVec2::NEG_INFINITY),
-            |(min, max), p| (min.min(p), max.max(p)),
-        );
+        let (min, max) = candidates
+            .iter()
+            .flat_map(|c| c.ends)
+            .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(min, max), p| {
+                (min.min(p), max.max(p))
+            });
         Self {
             min,
             cell: ((max - min) / CELLS as f64).max(DVec2::splat(f64::MIN_POSITIVE)),
@@ -122,9 +124,19 @@ impl Neighbours {
     }
 }
 
+/// What the curves of a receiver call for.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Choice {
+    /// Which of them are worth a line.
+    pub(crate) is_line: Vec<bool>,
+    /// About how many elements that makes: of the lines, and of refinement along the
+    /// others.
+    pub(crate) elements: f64,
+}
+
 /// Which candidates are worth a line: the strongest first, each only where those
 /// before it do not run beside it already.
-pub(crate) fn worth_a_line(candidates: &[Candidate], degree: u8) -> Vec<bool> {
+pub(crate) fn worth_a_line(candidates: &[Candidate], degree: u8) -> Choice {
     let mut all = Neighbours::new(candidates);
     for (i, c) in candidates.iter().enumerate() {
         all.insert(i as u32, c);
@@ -147,7 +159,10 @@ pub(crate) fn worth_a_line(candidates: &[Candidate], degree: u8) -> Vec<bool> {
     let strength = |i: usize| fineness[i].iter().sum::<f64>();
     order.sort_by(|&a, &b| strength(b).total_cmp(&strength(a)).then(a.cmp(&b)));
 
-    let mut chosen = vec![false; candidates.len()];
+    let mut choice = Choice {
+        is_line: vec![false; candidates.len()],
+        elements: 0.0,
+    };
     let mut lines = Neighbours::new(candidates);
     for i in order {
         let c = &candidates[i];
@@ -171,11 +186,14 @@ pub(crate) fn worth_a_line(candidates: &[Candidate], degree: u8) -> Vec<bool> {
             .count();
         let cost = ELEMENTS_PER_LINE + ELEMENTS_PER_CROSSING * crossings as f64;
         if ELEMENTS_PER_STEP * steps > cost {
-            chosen[i] = true;
+            choice.is_line[i] = true;
+            choice.elements += cost;
             lines.insert(i as u32, c);
+        } else {
+            choice.elements += steps;
         }
     }
-    chosen
+    choice
 }
 
 /// The share of a curve's length that each of [`JUMP_PLACES`] stands for.
@@ -236,6 +254,9 @@ mod tests {
             candidate([(0.0, 0.5), (1.0, 0.5)], 1e6),
             candidate([(0.0, 0.8), (1.0, 0.8)], 10.0),
         ];
-        assert_eq!(worth_a_line(&candidates, 3), [true, false, true, false]);
+        assert_eq!(
+            worth_a_line(&candidates, 3).is_line,
+            [true, false, true, false]
+        );
     }
 }

@@ -34,6 +34,7 @@ mod demand;
 mod export;
 mod light;
 mod pipeline;
+mod plan;
 pub mod values;
 
 pub use antumbra_io as io;
@@ -50,5 +51,7 @@ pub use antumbra_visibility::{
 pub use export::{export, generators, mesh_order_key, order_key};
 pub use light::ExactLight;
 pub use pipeline::{
-    Control, Error, EventCounts, Events, Meshed, Options, Phase, ReceiverCurves, Solved, mesh, solve,
+    Control, Error, EventCounts, Events, Meshed, Options, Phase, ReceiverCurves, Solved, mesh,
+    plan, solve,
 };
+pub use plan::{Decision, Effect, Expected, Plan, Quantity};

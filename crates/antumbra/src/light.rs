@@ -21,6 +21,11 @@ impl<'e, 's> ExactLight<'e, 's> {
         Self { evaluator, views }
     }
 
+    /// The view of a face.
+    pub(crate) fn view(&self, face: FaceId) -> &View {
+        &self.views[face.index()]
+    }
+
     /// Irradiance per band at one point of a face's front, scene units.
     #[must_use]
     pub fn at(&self, face: FaceId, point: glam::DVec3, scratch: &mut Scratch) -> Vec<f64> {

@@ -1,14 +1,13 @@
 //! From a scene to its mesh: the one place where visibility and mesh meet.
 
+use crate::demand::{Candidate, Choice, worth_a_line};
 use crate::light::ExactLight;
-use crate::demand::{Candidate, worth_a_line};
-use antumbra_geom::Chart;
+use crate::plan::{Plan, Quantity};
 use antumbra_mesh::{ArrangementOptions, MeshError, Order, TaggedCurve, TriMesh, arrange};
 use antumbra_scene::{FaceId, Scene};
 use antumbra_solver::{
     DirectMeshes, DirectOptions, DirectSolution, Postponed, RadiosityOptions, RadiositySolution,
-    Receiver,
-    Tolerance, solve_radiosity,
+    Receiver, Tolerance, solve_radiosity,
 };
 use antumbra_visibility::{
     CountByKind, CriticalCurve, CriticalCurves, Discontinuity, Evaluator, EventKind, EventKinds,
@@ -173,6 +172,8 @@ pub struct Meshed {
     pub curves: Vec<ReceiverCurves>,
     /// Events of all receivers.
     pub events: EventCounts,
+    /// What was simulated, and why.
+    pub plan: Plan,
 }
 
 /// A solved scene.
@@ -184,6 +185,17 @@ pub struct Solved {
     pub curves: Vec<ReceiverCurves>,
     /// Events of all receivers.
     pub events: EventCounts,
+    /// What was simulated, and why.
+    pub plan: Plan,
+}
+
+/// Decides what a run will simulate, without meshing anything.
+#[must_use]
+pub fn plan(scene: &Scene, options: &Options, quantity: Quantity, control: &Control<'_>) -> Plan {
+    let evaluator = Evaluator::new(scene);
+    let light = ExactLight::new(&evaluator);
+    let scout = Scout::new(&evaluator, &light, options, control);
+    Plan::new(scene, options, quantity, &scout)
 }
 
 /// Meshes a scene along its shadow boundaries, with exact direct irradiance.
@@ -194,11 +206,12 @@ pub struct Solved {
 pub fn mesh(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<Meshed, Error> {
     let evaluator = Evaluator::new(scene);
     let light = ExactLight::new(&evaluator);
-    let (meshes, curves, events) = direct(&evaluator, &light, options, control)?;
+    let direct = direct(&evaluator, &light, options, Quantity::Direct, control)?;
     Ok(Meshed {
-        direct: meshes.finish(),
-        curves,
-        events,
+        direct: direct.meshes.finish(),
+        curves: direct.curves,
+        events: direct.events,
+        plan: direct.plan,
     })
 }
 
@@ -210,25 +223,23 @@ pub fn mesh(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<M
 pub fn solve(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<Solved, Error> {
     let evaluator = Evaluator::new(scene);
     let light = ExactLight::new(&evaluator);
-    let (meshes, curves, events) = direct(&evaluator, &light, options, control)?;
+    let direct = direct(&evaluator, &light, options, Quantity::Total, control)?;
     (control.progress)(Phase::Radiosity, 0.0);
-    let contacts = Demand {
-        events: Events::Kinds(EventKinds::NONE),
-        allowed: 0.0,
-        degree: 2,
-    };
-    let (receivers, _) = receivers(&evaluator, contacts, NEAR, &|_, _| {})?;
-    let radiosity_options = RadiosityOptions {
+    let receivers = contact_receivers(&evaluator)?;
+    let mut radiosity_options = RadiosityOptions {
         tolerance: match options.tolerance {
             Tolerance::Relative(t) => t,
             Tolerance::Absolute(_) => options.radiosity.tolerance,
         },
         ..options.radiosity
     };
+    if !direct.plan.simulates("interreflection") {
+        radiosity_options.most_sweeps = 0;
+    }
     let radiosity = solve_radiosity(
         &evaluator,
-        meshes,
-        receivers.into_iter().map(|r| r.receiver).collect(),
+        direct.meshes,
+        receivers,
         &light,
         &radiosity_options,
         control.should_stop,
@@ -236,26 +247,43 @@ pub fn solve(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<
     );
     Ok(Solved {
         radiosity,
-        curves,
-        events,
+        curves: direct.curves,
+        events: direct.events,
+        plan: direct.plan,
     })
+}
+
+/// Direct light on all faces, as it goes on to the solver.
+struct Direct {
+    meshes: DirectMeshes,
+    curves: Vec<ReceiverCurves>,
+    events: EventCounts,
+    plan: Plan,
 }
 
 fn direct(
     evaluator: &Evaluator<'_>,
     light: &ExactLight<'_, '_>,
     options: &Options,
+    quantity: Quantity,
     control: &Control<'_>,
-) -> Result<(DirectMeshes, Vec<ReceiverCurves>, EventCounts), Error> {
-    let demand = Demand {
-        events: options.events,
-        allowed: match options.tolerance {
-            Tolerance::Relative(t) => t * peak_estimate(evaluator, light),
-            Tolerance::Absolute(t) => t,
-        },
-        degree: options.chosen_degree(),
+) -> Result<Direct, Error> {
+    let scene = evaluator.scene();
+    let scout = Scout::new(evaluator, light, options, control);
+    let plan = Plan::new(scene, options, quantity, &scout);
+    let mut events = EventCounts {
+        candidates: plan.candidates,
+        active: plan.curves,
+        ..EventCounts::default()
     };
-    let (prepared, mut counts) = receivers(evaluator, demand, 0.0, control.progress)?;
+    (control.progress)(Phase::Arrangement, 0.0);
+    let knows_all_curves = options.events.kinds() == EventKinds::ALL;
+    let allowed = scout.allowed;
+    let prepared: Vec<Prepared> = scout
+        .receivers
+        .into_par_iter()
+        .map(|r| prepare(scene, r, knows_all_curves, allowed))
+        .collect::<Result<_, _>>()?;
     let (receivers, curves): (Vec<Receiver>, Vec<ReceiverCurves>) =
         prepared.into_iter().map(|p| (p.receiver, p.curves)).unzip();
     (control.progress)(Phase::Irradiance, 0.0);
@@ -273,18 +301,144 @@ fn direct(
         &|_, done| (control.progress)(Phase::Irradiance, done),
     );
     for (mesh, curves) in meshes.meshes().zip(&curves) {
-        count_inserted(mesh, curves, &mut counts.inserted);
+        count_inserted(mesh, curves, &mut events.inserted);
     }
-    Ok((meshes, curves, counts))
+    let plan = plan.carried_out(&events.inserted);
+    Ok(Direct {
+        meshes,
+        curves,
+        events,
+        plan,
+    })
 }
 
-/// What decides which curves become lines.
-#[derive(Clone, Copy, Debug)]
-struct Demand {
-    events: Events,
+/// What is known of a scene before anything is meshed.
+pub(crate) struct Scout<'l> {
+    pub(crate) light: &'l ExactLight<'l, 'l>,
+    /// About the largest direct irradiance.
+    pub(crate) peak: f64,
     /// The error of irradiance allowed, about; in the scene's units.
-    allowed: f64,
-    degree: u8,
+    pub(crate) allowed: f64,
+    receivers: Vec<ScoutedReceiver>,
+}
+
+/// A receiver with its curves, and which of them become lines.
+struct ScoutedReceiver {
+    face: FaceId,
+    curves: CriticalCurves,
+    choice: Choice,
+    is_lit: bool,
+}
+
+impl<'l> Scout<'l> {
+    fn new(
+        evaluator: &'l Evaluator<'l>,
+        light: &'l ExactLight<'l, 'l>,
+        options: &Options,
+        control: &Control<'_>,
+    ) -> Self {
+        let scene = evaluator.scene();
+        (control.progress)(Phase::Events, 0.0);
+        let peak = peak_estimate(evaluator, light);
+        let allowed = match options.tolerance {
+            Tolerance::Relative(t) => t * peak,
+            Tolerance::Absolute(t) => t,
+        };
+        let faces: Vec<FaceId> = scene.face_ids().collect();
+        let degree = options.chosen_degree();
+        let receivers = faces
+            .par_iter()
+            .map(|&face| {
+                let radius = contact_radius(scene, face);
+                let kinds = options.events.kinds();
+                let curves = critical_curves(evaluator, face, kinds, radius);
+                let choice = match options.events {
+                    Events::OnDemand => lines(&curves.curves, scene, face, allowed, degree),
+                    Events::Kinds(_) => Choice {
+                        is_line: vec![true; curves.curves.len()],
+                        elements: ELEMENTS_PER_CURVE * curves.curves.len() as f64,
+                    },
+                };
+                ScoutedReceiver {
+                    face,
+                    curves,
+                    choice,
+                    is_lit: light.view(face).sees_any_emitter(),
+                }
+            })
+            .collect();
+        Self {
+            light,
+            peak,
+            allowed,
+            receivers,
+        }
+    }
+
+    /// Curves by kind, those that `counts` accepts by whether they become lines.
+    pub(crate) fn count(&self, counts: impl Fn(bool) -> bool) -> CountByKind {
+        let mut n = CountByKind::default();
+        for receiver in &self.receivers {
+            for (curve, &is_line) in receiver.curves.curves.iter().zip(&receiver.choice.is_line) {
+                n[curve.kind() as usize] += u64::from(counts(is_line));
+            }
+        }
+        n
+    }
+
+    pub(crate) fn candidates(&self) -> CountByKind {
+        let mut n = CountByKind::default();
+        for receiver in &self.receivers {
+            for (sum, of_receiver) in n.iter_mut().zip(receiver.curves.candidates) {
+                *sum += of_receiver;
+            }
+        }
+        n
+    }
+
+    pub(crate) fn expected_elements(&self) -> f64 {
+        let per_receiver = |r: &ScoutedReceiver| {
+            if r.is_lit {
+                2.0 + r.choice.elements
+            } else {
+                2.0
+            }
+        };
+        self.receivers.iter().map(per_receiver).sum()
+    }
+}
+
+/// Elements that a curve makes if all are put into the mesh (measured on the box
+/// fixtures).
+const ELEMENTS_PER_CURVE: f64 = 4.0;
+
+/// Every face, cut along what touches it or nearly does, for indirect light.
+fn contact_receivers(evaluator: &Evaluator<'_>) -> Result<Vec<Receiver>, Error> {
+    let scene = evaluator.scene();
+    let faces: Vec<FaceId> = scene.face_ids().collect();
+    let contacts = EventKinds::NONE.with(EventKind::Contact);
+    faces
+        .par_iter()
+        .map(|&face| {
+            let radius = contact_radius(scene, face);
+            let mut curves = critical_curves(evaluator, face, contacts, radius);
+            let gap = NEAR * scene.face(face).area.sqrt();
+            curves
+                .curves
+                .extend(critical_curves(evaluator, face, contacts, gap).curves);
+            let is_line = vec![true; curves.curves.len()];
+            let receiver = ScoutedReceiver {
+                face,
+                curves,
+                choice: Choice {
+                    is_line,
+                    elements: 0.0,
+                },
+                is_lit: true,
+            };
+            prepare(scene, receiver, false, 0.0).map(|p| p.receiver)
+        })
+        .collect()
 }
 
 struct Prepared {
@@ -314,51 +468,6 @@ fn peak_estimate(evaluator: &Evaluator<'_>, light: &ExactLight<'_, '_>) -> f64 {
     peaks.into_iter().fold(0.0, f64::max)
 }
 
-/// Every face with the triangulated arrangement of its curves.
-///
-/// * `near` — features within this fraction of a receiver's size are drawn on it as
-///   contacts; 0 for none.
-fn receivers(
-    evaluator: &Evaluator<'_>,
-    demand: Demand,
-    near: f64,
-    progress: &(dyn Fn(Phase, f64) + Sync),
-) -> Result<(Vec<Prepared>, EventCounts), Error> {
-    let scene = evaluator.scene();
-    let faces: Vec<FaceId> = scene.face_ids().collect();
-    progress(Phase::Events, 0.0);
-    let kinds = demand.events.kinds();
-    let found: Vec<CriticalCurves> = faces
-        .par_iter()
-        .map(|&face| {
-            let radius = contact_radius(scene, face);
-            let mut curves = critical_curves(evaluator, face, kinds, radius);
-            if near > 0.0 {
-                let gap = near * scene.face(face).area.sqrt();
-                let contacts = EventKinds::NONE.with(EventKind::Contact);
-                curves
-                    .curves
-                    .extend(critical_curves(evaluator, face, contacts, gap).curves);
-            }
-            curves
-        })
-        .collect();
-    let mut counts = EventCounts::default();
-    for curves in &found {
-        for k in 0..counts.active.len() {
-            counts.candidates[k] += curves.candidates[k];
-            counts.active[k] += curves.active[k];
-        }
-    }
-    progress(Phase::Arrangement, 0.0);
-    let prepared: Vec<Prepared> = faces
-        .par_iter()
-        .zip(found)
-        .map(|(&face, curves)| prepare(scene, face, curves.curves, demand))
-        .collect::<Result<_, _>>()?;
-    Ok((prepared, counts))
-}
-
 /// Adds the curves with at least one edge in a mesh.
 fn count_inserted(mesh: MeshWithOrders<'_>, curves: &ReceiverCurves, inserted: &mut CountByKind) {
     let (mesh, n_curves) = mesh;
@@ -385,10 +494,11 @@ fn count_inserted(mesh: MeshWithOrders<'_>, curves: &ReceiverCurves, inserted: &
 /// postponed.
 fn prepare(
     scene: &Scene,
-    face: FaceId,
-    critical: Vec<CriticalCurve>,
-    demand: Demand,
+    scouted: ScoutedReceiver,
+    knows_all_curves: bool,
+    allowed: f64,
 ) -> Result<Prepared, Error> {
+    let (face, critical) = (scouted.face, scouted.curves.curves);
     let chart = scene.chart(face);
     let size = scene.face(face).area.sqrt();
     let mut curves: Vec<TaggedCurve> = scene
@@ -405,8 +515,7 @@ fn prepare(
     let n_border = curves.len();
     let mut orders = vec![Order::Boundary; n_border];
     let mut postponed = Vec::new();
-    let is_line = lines(&critical, scene, &chart, demand);
-    for (curve, is_line) in critical.iter().zip(is_line) {
+    for (curve, is_line) in critical.iter().zip(scouted.choice.is_line) {
         let order = match curve.kind().discontinuity() {
             Discontinuity::D0 => Order::D0,
             Discontinuity::D1 => Order::D1,
@@ -415,7 +524,7 @@ fn prepare(
         let exitance = exitance(scene, curve);
         let points: Vec<DVec2> = curve
             .shape
-            .polyline(chord_tolerance(curve, exitance, demand.allowed, size))
+            .polyline(chord_tolerance(curve, exitance, allowed, size))
             .into_iter()
             .map(|p| chart.to_chart(p))
             .collect();
@@ -444,7 +553,7 @@ fn prepare(
         orders,
         contact_radius: contact_radius(scene, face),
         postponed,
-        knows_all_curves: demand.events.kinds() == EventKinds::ALL,
+        knows_all_curves,
     };
     Ok(Prepared {
         receiver,
@@ -461,10 +570,14 @@ fn exitance<'s>(scene: &'s Scene, curve: &CriticalCurve) -> &'s [f64] {
 
 /// Which curves of a receiver are put into its mesh at the start; contacts always
 /// are.
-fn lines(critical: &[CriticalCurve], scene: &Scene, chart: &Chart, demand: Demand) -> Vec<bool> {
-    if demand.events != Events::OnDemand {
-        return vec![true; critical.len()];
-    }
+fn lines(
+    critical: &[CriticalCurve],
+    scene: &Scene,
+    face: FaceId,
+    allowed: f64,
+    degree: u8,
+) -> Choice {
+    let chart = scene.chart(face);
     let waits = |c: &&CriticalCurve| c.kind() != EventKind::Contact;
     let candidates: Vec<Candidate> = critical
         .iter()
@@ -472,14 +585,18 @@ fn lines(critical: &[CriticalCurve], scene: &Scene, chart: &Chart, demand: Deman
         .map(|curve| {
             let ends = curve.shape.ends().map(|p| chart.to_chart(p));
             let strongest = exitance(scene, curve).iter().copied().fold(0.0, f64::max);
-            Candidate::new(curve, ends, strongest, START * demand.allowed)
+            Candidate::new(curve, ends, strongest, START * allowed)
         })
         .collect();
-    let mut chosen = worth_a_line(&candidates, demand.degree).into_iter();
-    critical
-        .iter()
-        .map(|curve| curve.kind() == EventKind::Contact || chosen.next() == Some(true))
-        .collect()
+    let chosen = worth_a_line(&candidates, degree);
+    let mut is_chosen = chosen.is_line.into_iter();
+    Choice {
+        is_line: critical
+            .iter()
+            .map(|c| c.kind() == EventKind::Contact || is_chosen.next() == Some(true))
+            .collect(),
+        elements: chosen.elements,
+    }
 }
 
 /// How far from an arc its chords may run: a D2 curve that is misplaced by ε costs

@@ -22,6 +22,9 @@ pub(crate) struct Options {
 pub(crate) enum Command {
     /// Check a scene's geometry and materials: every finding with the surface's name.
     Check(Check),
+    /// Decide which effects a scene calls for: what is left out, what that costs at
+    /// most, and why.
+    Plan(PlanArgs),
     /// Mesh a scene along its shadow boundaries, with exact direct irradiance.
     Mesh(Mesh),
     /// The same, and interreflection.
@@ -36,6 +39,7 @@ impl Command {
     pub(crate) fn common(&self) -> &Common {
         match self {
             Self::Check(check) => &check.common,
+            Self::Plan(plan) => &plan.common,
             Self::Mesh(mesh) | Self::Solve(mesh) => &mesh.common,
             Self::Probe(probe) => &probe.common,
             Self::Render(render) => &render.common,
@@ -129,6 +133,17 @@ pub(crate) struct Degree(pub(crate) Option<u8>);
 pub(crate) struct Check {
     #[command(flatten)]
     pub(crate) common: Common,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct PlanArgs {
+    #[command(flatten)]
+    pub(crate) common: Common,
+    #[command(flatten)]
+    pub(crate) meshing: Meshing,
+    /// Plan for direct light only, as mesh does.
+    #[arg(long)]
+    pub(crate) direct: bool,
 }
 
 #[derive(Args, Debug)]

@@ -12,6 +12,7 @@ mod failure;
 mod input;
 mod mesh;
 mod output;
+mod plan;
 mod probe;
 mod progress;
 mod render;
@@ -47,6 +48,7 @@ fn main() -> ExitCode {
     // A panic is a bug of ours: say so and where, with the exit code of a bug.
     let outcome = std::panic::catch_unwind(|| match &options.command {
         Command::Check(check) => check::run(check),
+        Command::Plan(plan) => plan::run(plan),
         Command::Mesh(mesh) => mesh::run(mesh, mesh::Work::Mesh),
         Command::Solve(mesh) => mesh::run(mesh, mesh::Work::Solve),
         Command::Probe(probe) => probe::run(probe),

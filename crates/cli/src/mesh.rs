@@ -29,12 +29,14 @@ impl Done {
                 meshes: &m.direct,
                 curves: &m.curves,
                 events: &m.events,
+                plan: &m.plan,
                 radiosity: None,
             },
             Self::Solved(s) => Outcome {
                 meshes: &s.radiosity.meshes,
                 curves: &s.curves,
                 events: &s.events,
+                plan: &s.plan,
                 radiosity: Some(&s.radiosity),
             },
         }

@@ -2,9 +2,10 @@
 
 use crate::args::Meshing;
 use crate::input::Loaded;
+use crate::plan;
 use crate::progress::peak_memory;
 use antumbra::{
-    DirectSolution, Ended, EventCounts, EventKind, RadiositySolution, ReceiverCurves, Scene,
+    DirectSolution, Ended, EventCounts, EventKind, Plan, RadiositySolution, ReceiverCurves, Scene,
     Tolerance, order_key,
 };
 use serde_json::{Map, Value, json};
@@ -14,6 +15,7 @@ pub(crate) struct Outcome<'a> {
     pub(crate) meshes: &'a DirectSolution,
     pub(crate) curves: &'a [ReceiverCurves],
     pub(crate) events: &'a EventCounts,
+    pub(crate) plan: &'a Plan,
     pub(crate) radiosity: Option<&'a RadiositySolution>,
 }
 
@@ -65,7 +67,7 @@ pub(crate) fn document(
             "active": counts(&result.events.active),
             "inserted": counts(&result.events.inserted),
         },
-        "effects": effects(meshing, result),
+        "effects": plan::effects(result.plan),
         "per_surface": per_surface(scene, result),
         "seconds": seconds,
         "peak_memory_bytes": peak_memory(),
@@ -139,7 +141,7 @@ fn unresolved_area(meshes: &DirectSolution) -> f64 {
     if total > 0.0 { unresolved / total } else { 0.0 }
 }
 
-fn counts(by_kind: &[u64; 6]) -> Value {
+pub(crate) fn counts(by_kind: &[u64; 6]) -> Value {
     let mut object = Map::new();
     let mut orders = [("d0", 0), ("d1", 0), ("d2", 0)];
     for kind in EventKind::ALL {
@@ -155,38 +157,6 @@ fn counts(by_kind: &[u64; 6]) -> Value {
         object.insert(key.to_owned(), json!(sum));
     }
     Value::Object(object)
-}
-
-/// Which effects were simulated, which were not, and what leaving them out costs.
-fn effects(meshing: &Meshing, result: &Outcome<'_>) -> Value {
-    let mut effects = vec![json!({
-        "name": "occlusion",
-        "decision": "simulated",
-        "bound": 0.0,
-        "reason": "every value at a node is exact, whatever stands between",
-    })];
-    for kind in EventKind::ALL {
-        let simulated =
-            kind == EventKind::Contact || (kind != EventKind::Eee && meshing.events.kinds().contains(kind));
-        effects.push(json!({
-            "name": kind.key(),
-            "decision": if simulated { "simulated" } else { "left out" },
-            "bound": if simulated { json!(0.0) } else { Value::Null },
-            "measured_error": result.meshes.measured_max_error,
-            "reason": match (simulated, kind) {
-                (true, _) => "its curves are edges of the mesh",
-                (false, EventKind::Eee) => "not enumerated in this version; the error it costs is measured at check points and refined away",
-                (false, _) => "left out by --events; the error it costs is measured at check points and refined away",
-            },
-        }));
-    }
-    effects.push(json!({
-        "name": "interreflection",
-        "decision": if result.radiosity.is_some() { "simulated" } else { "left out" },
-        "bound": result.radiosity.map(|r| r.measured_indirect_error),
-        "reason": if result.radiosity.is_some() { "asked for by solve" } else { "mesh is about direct light; use solve" },
-    }));
-    json!(effects)
 }
 
 fn per_surface(scene: &Scene, result: &Outcome<'_>) -> Value {
@@ -219,7 +189,7 @@ pub(crate) fn summary(report: &Value, result: &Outcome<'_>) -> String {
     let inserted = &report["events"]["inserted"];
     let mut text = format!(
         "{} surfaces, {} emitters: {} elements of degree {}, {} nodes\n\
-         curves: {} contact, {} VE, {} EE, {} facet, {} horizon\n\
+         curves: {} contact, {} VE, {} EE, {} EEE, {} facet, {} horizon, of {} ({} candidates)\n\
          error: at most {:.2e} of the peak, rms {:.2e} (allowed {})\n\
          {} exact evaluations, {:.3} s",
         report["surfaces"],
@@ -230,8 +200,11 @@ pub(crate) fn summary(report: &Value, result: &Outcome<'_>) -> String {
         inserted["contact"],
         inserted["ve"],
         inserted["ee"],
+        inserted["eee"],
         inserted["facet"],
         inserted["horizon"],
+        result.events.active.iter().sum::<u64>(),
+        result.events.candidates.iter().sum::<u64>(),
         result.meshes.measured_max_error,
         result.meshes.measured_rms_error,
         report["tolerance"],

@@ -146,8 +146,7 @@ impl Refinement<'_> {
             return false;
         }
         // From (a b c), (b a d) to (a d c), (d b c).
-        let [_, beyond_bc, beyond_ca] =
-            [0, 1, 2].map(|i| mesh.neighbours[t as usize][(k + i) % 3]);
+        let [_, beyond_bc, beyond_ca] = [0, 1, 2].map(|i| mesh.neighbours[t as usize][(k + i) % 3]);
         let [_, beyond_ad, beyond_db] =
             [0, 1, 2].map(|i| mesh.neighbours[n as usize][(side + i) % 3]);
         mesh.triangles[t as usize] = [a, d, c];
@@ -321,7 +320,10 @@ mod tests {
             assert_eq!(parents.len(), mesh.triangles.len());
             mesh.check().expect("a mesh");
             let length = length_of(&mesh, 1 + i as u32);
-            assert!((length - ends[0].distance(ends[1])).abs() < 0.01, "{i} {length}");
+            assert!(
+                (length - ends[0].distance(ends[1])).abs() < 0.01,
+                "{i} {length}"
+            );
         }
         assert!((mesh.total_area() - 1.0).abs() < 1e-9);
         let all = everywhere(&mesh);

@@ -4,8 +4,8 @@
 //! measure what interpolation costs; elements above the tolerance are bisected
 //! until the whole scene is below it.
 
-use antumbra_mesh::TriMesh;
 use crate::field::{Field, Light, Receiver, ReceiverMesh};
+use antumbra_mesh::TriMesh;
 use rayon::prelude::*;
 
 /// When to stop.

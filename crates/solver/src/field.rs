@@ -444,7 +444,12 @@ impl Field {
             .collect();
         kinks.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let mut points = SmallVec::from_slice(INNER_POINTS[usize::from(self.degree) - 1]);
-        points.extend(kinks.iter().take(3).filter_map(|&(_, c)| self.middle_of(t, c)));
+        points.extend(
+            kinks
+                .iter()
+                .take(3)
+                .filter_map(|&(_, c)| self.middle_of(t, c)),
+        );
         points
     }
 
@@ -554,12 +559,7 @@ impl Field {
         let mut along: f64 = kinks.iter().map(|k| 4.0 * steps(k)).sum();
         let (mut best, mut least) = (0, f64::INFINITY);
         for n in 0..=kinks.len() {
-            let all_over = kinks[n..]
-                .iter()
-                .map(steps)
-                .fold(0.0, f64::max)
-                .powi(2)
-                * 2.0;
+            let all_over = kinks[n..].iter().map(steps).fold(0.0, f64::max).powi(2) * 2.0;
             let k = n as f64;
             let cost = 1.0 + 3.0 * k + 0.6 * k * (k - 1.0) + SPLITTING * along.min(all_over);
             if cost < least {
@@ -578,8 +578,8 @@ impl Field {
     /// An element whose error no curve explains is smooth so far: it is split.
     pub(crate) fn cut(&mut self, levels: &mut Vec<u8>, allowed: &[f64]) -> bool {
         let mut wanted: Vec<Vec<u32>> = vec![Vec::new(); self.postponed.len()];
-        for t in 0..self.mesh.triangles.len() {
-            if levels[t] == 0 || self.crossing[t].is_empty() {
+        for (t, level) in levels.iter_mut().enumerate() {
+            if *level == 0 || self.crossing[t].is_empty() {
                 continue;
             }
             let excess = self.excess(t, &self.errors, allowed) * SAFETY;
@@ -600,7 +600,7 @@ impl Field {
                 wanted[c as usize].push(t as u32);
             }
             if n > 0 {
-                levels[t] = 0;
+                *level = 0;
             }
         }
         let cuts: Vec<(Cut, Vec<u32>)> = wanted
@@ -623,8 +623,7 @@ impl Field {
         // A curve that is an edge now (or too short to be one) is no kink any more.
         for (cut, wanted) in &cuts {
             for &t in wanted {
-                self.crossing[t as usize]
-                    .retain(|&c| self.postponed[c as usize].ends != cut.ends);
+                self.crossing[t as usize].retain(|&c| self.postponed[c as usize].ends != cut.ends);
             }
         }
         let before = self.mesh.triangles.clone();
@@ -796,7 +795,11 @@ impl Field {
             if !checks_all && self.mesh.edge_curves(triangle[k], triangle[next]).is_none() {
                 continue;
             }
-            let places = if checks_all { &NESTED_CHECK } else { &EDGE_CHECK };
+            let places = if checks_all {
+                &NESTED_CHECK
+            } else {
+                &EDGE_CHECK
+            };
             let off = places[usize::from(self.degree) - 1];
             let order = if checks_all && triangle[k] > triangle[next] {
                 [1.0 - off, off]
@@ -937,7 +940,8 @@ impl Field {
         let mut excess = 0.0f64;
         for (band, &a) in allowed.iter().enumerate() {
             if a > 0.0 {
-                excess = excess.max(errors[t * self.n_bands + band] / (self.safety(t, allowed) * a));
+                excess =
+                    excess.max(errors[t * self.n_bands + band] / (self.safety(t, allowed) * a));
             }
         }
         excess
@@ -971,10 +975,7 @@ impl Field {
     pub(crate) fn bisect(&mut self, marked: &[u32]) -> Vec<u32> {
         let before = self.mesh.triangles.clone();
         let parents = self.mesh.bisect(marked);
-        let origins: Vec<Origins> = parents
-            .iter()
-            .map(|&p| Origins::from_slice(&[p]))
-            .collect();
+        let origins: Vec<Origins> = parents.iter().map(|&p| Origins::from_slice(&[p])).collect();
         self.inherit(&before, &origins);
         parents
     }
@@ -988,17 +989,17 @@ impl Field {
         self.is_verified.resize(n, false);
         self.crossing.resize(n, Vec::new());
         let old = self.crossing.clone();
-        for t in 0..n {
+        for (t, origins) in origins.iter().enumerate() {
             if before.get(t) == Some(&self.mesh.triangles[t]) {
                 continue;
             }
             self.is_verified[t] = false;
             self.element_nodes[t] = [u32::MAX; MOST_NODES];
-            let mut candidates: Vec<u32> = origins[t]
+            let mut candidates: Vec<u32> = origins
                 .iter()
                 .flat_map(|&o| old[o as usize].iter().copied())
                 .collect();
-            if origins[t].len() > 1 {
+            if origins.len() > 1 {
                 candidates.sort_unstable();
                 candidates.dedup();
             }

@@ -42,7 +42,7 @@ pub struct RadiosityOptions {
     /// No more nodes than this in the indirect layer: its matrix is dense, eight
     /// bytes for every pair.
     pub most_nodes: usize,
-    /// No more sweeps than this.
+    /// No more sweeps than this; 0 leaves interreflection out altogether.
     pub most_sweeps: usize,
 }
 
@@ -936,7 +936,11 @@ impl System {
                 std::iter::repeat_n(scene.material(f.face).reflectance.as_slice(), f.nodes.len())
             })
             .collect();
-        let mut indirect = self.first.clone();
+        let mut indirect = if options.most_sweeps > 0 {
+            self.first.clone()
+        } else {
+            vec![0.0; self.first.len()]
+        };
         // Reflected indirect light of every node, one vector per band.
         let mut reflected: Vec<Vec<f64>> = (0..n_bands)
             .map(|band| {

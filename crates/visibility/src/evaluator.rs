@@ -7,8 +7,8 @@
 //! wrong sign moves a sliver of rounding size and never a region. Compared with
 //! booleans and with edge integration in `docs/numerics.md`.
 
-use crate::events::adjacency::Adjacency;
 use crate::cone::{Approach, cone, distance_to_segment_sq};
+use crate::events::adjacency::Adjacency;
 use crate::fragments::{Fragment, Fragments, HalfSpace, Position};
 use crate::lambert::contour_sum;
 use antumbra_scene::{Aabb, FaceId, PlaneId, Scene};
@@ -80,6 +80,15 @@ impl View {
     #[must_use]
     pub fn sees_any_emitter(&self) -> bool {
         self.candidates.iter().any(Option::is_some)
+    }
+
+    /// May anything stand between this receiver and an emitter?
+    #[must_use]
+    pub fn may_be_occluded(&self) -> bool {
+        self.candidates.iter().flatten().any(|c| match c {
+            Candidates::List(list) => !list.is_empty(),
+            Candidates::Tree => true,
+        })
     }
 
     /// The emitters this receiver may see, as positions in [`Evaluator::emitters`].

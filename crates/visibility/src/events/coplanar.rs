@@ -130,7 +130,9 @@ impl<'e, 's> Sheet<'e, 's> {
             }
         }
         let layers: SmallVec<[Vec<DVec3>; 2]> = match event {
-            Event::CoplanarEdges { occluder, .. } => [ends(occluder).to_vec()].into_iter().collect(),
+            Event::CoplanarEdges { occluder, .. } => {
+                [ends(occluder).to_vec()].into_iter().collect()
+            }
             Event::OccluderEdges(edges) => edges.iter().map(|&e| ends(e).to_vec()).collect(),
             Event::FacetPlane(id) => [scene.positions(&scene.face(id).outline)]
                 .into_iter()
@@ -138,9 +140,7 @@ impl<'e, 's> Sheet<'e, 's> {
             _ => SmallVec::new(),
         };
         for layer in layers {
-            let between = clip(&above(&layer), |x| {
-                lamp_form.dot(x.extend(1.0)) - tolerance
-            });
+            let between = clip(&above(&layer), |x| lamp_form.dot(x.extend(1.0)) - tolerance);
             if between.len() < 2 {
                 return None;
             }
@@ -275,7 +275,11 @@ impl<'e, 's> Sheet<'e, 's> {
             return (1.0, 1.0);
         }
         let is_emitters_edge = self.layers.len() == 1 && self.layers[0].len() == 2;
-        if is_emitters_edge { (1.0, hi) } else { (lo, hi) }
+        if is_emitters_edge {
+            (1.0, hi)
+        } else {
+            (lo, hi)
+        }
     }
 
     /// The directions in the sheet that other surfaces block.
@@ -322,8 +326,11 @@ impl<'e, 's> Sheet<'e, 's> {
             let Some((p, q)) = chord(&corners, &sides) else {
                 continue;
             };
-            let part = clip(&[p, q], |x| self.lamp_form.dot(x.extend(1.0)) - self.tolerance);
-            let part: SmallVec<[DVec3; 2]> = clip(&part, |x| self.flat(x).y - self.tolerance).into();
+            let part = clip(&[p, q], |x| {
+                self.lamp_form.dot(x.extend(1.0)) - self.tolerance
+            });
+            let part: SmallVec<[DVec3; 2]> =
+                clip(&part, |x| self.flat(x).y - self.tolerance).into();
             if let [p, q] = part.as_slice() {
                 hidden.push(Self::slopes(s, &[self.flat(*p), self.flat(*q)]));
             }

@@ -254,7 +254,13 @@ impl Tracer<'_, '_> {
                 .iter()
                 .map(|&c| {
                     // The edge's own point does not matter: c is perpendicular to it.
-                    at(&|p, q| if is_lower { c.dot(q - feature.ends[0]) } else { c.dot(feature.ends[0] - p) })
+                    at(&|p, q| {
+                        if is_lower {
+                            c.dot(q - feature.ends[0])
+                        } else {
+                            c.dot(feature.ends[0] - p)
+                        }
+                    })
                 })
                 .collect();
             let above = sides
@@ -272,7 +278,13 @@ impl Tracer<'_, '_> {
     }
 
     /// The vertices of each edge that are paired with the other edge.
-    fn wedges(&self, lower: &Feature, upper: &Feature, cells: Cells, out: &mut Vec<(VertexId, EdgeId)>) {
+    fn wedges(
+        &self,
+        lower: &Feature,
+        upper: &Feature,
+        cells: Cells,
+        out: &mut Vec<(VertexId, EdgeId)>,
+    ) {
         let ends = |f: &Feature| self.scene.edges[f.edge.index()].ends;
         let (rows, columns) = (cells.rows(), cells.columns());
         for (k, bit) in [(0, 1), (1, 1 << (N - 1))] {
@@ -296,7 +308,10 @@ impl Tracer<'_, '_> {
                         continue;
                     }
                     let ends = self.ends(lamp_edge);
-                    if self.is_passed((lower, upper), pair.cells, ends, true).is_empty() {
+                    if self
+                        .is_passed((lower, upper), pair.cells, ends, true)
+                        .is_empty()
+                    {
                         continue;
                     }
                     let occluders = [lower.edge.min(upper.edge), lower.edge.max(upper.edge)];

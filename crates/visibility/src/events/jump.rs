@@ -128,7 +128,9 @@ fn jump_of_curvature(
         Event::EmitterVertex { vertex, .. }
         | Event::EmitterEdge { vertex, .. }
         | Event::VertexEdge { vertex, .. } => scene.position(vertex) - x,
-        Event::EmitterTriple { occluders, .. } => through(occluders[0]).cross(through(occluders[1])),
+        Event::EmitterTriple { occluders, .. } => {
+            through(occluders[0]).cross(through(occluders[1]))
+        }
         Event::Triple([e, f, _]) => through(e).cross(through(f)),
         _ => return None,
     };
@@ -215,9 +217,7 @@ fn jump_of_curvature(
         Event::EmitterEdge { edge, vertex } | Event::VertexEdge { vertex, edge } => {
             at_vertex(&outlines(vertex), edge)
         }
-        Event::EmitterTriple { emitter, occluders } => {
-            jump([emitter, occluders[0], occluders[1]])
-        }
+        Event::EmitterTriple { emitter, occluders } => jump([emitter, occluders[0], occluders[1]]),
         Event::Triple(edges) => jump(edges),
         _ => None,
     }

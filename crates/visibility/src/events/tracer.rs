@@ -279,10 +279,7 @@ impl<'e, 's> Tracer<'e, 's> {
             both(&|q| orientation(q, a3, b3, b2)),
             both(&|q| -orientation(q, a3, b3, a2)),
         ];
-        let swath = Swath::new(
-            MovingPoint::along(a1, b1),
-            MovingPoint::between(a3, b3, w3),
-        );
+        let swath = Swath::new(MovingPoint::along(a1, b1), MovingPoint::between(a3, b3, w3));
         let edge = |feature, point, weights, is_emitter| Generator {
             feature: Feature::Edge(feature),
             point,
@@ -295,7 +292,13 @@ impl<'e, 's> Tracer<'e, 's> {
             edge(third, swath.r, Some(w3), false),
         ];
         let ends = self.scene.edges[first.index()].ends;
-        self.trace(shaft, event, &swath, &generators, ends.map(|w| Cause::End(0, w)));
+        self.trace(
+            shaft,
+            event,
+            &swath,
+            &generators,
+            ends.map(|w| Cause::End(0, w)),
+        );
     }
 
     /// Clips a swath and pushes its curves.
@@ -323,7 +326,10 @@ impl<'e, 's> Tracer<'e, 's> {
             }
             if !g.is_emitter {
                 add(Quadratic::linear(g.point.form(self.form)), Cause::Other);
-                add(Quadratic::linear(g.point.form(shaft.lamp_form)), Cause::Other);
+                add(
+                    Quadratic::linear(g.point.form(shaft.lamp_form)),
+                    Cause::Other,
+                );
                 self.silhouette_breaks(generators, k, &mut add);
             }
         }
@@ -494,9 +500,7 @@ impl<'e, 's> Tracer<'e, 's> {
             .collect();
         let mut found: SmallVec<[u32; 32]> = SmallVec::new();
         self.scene.tree.visit(
-            |b| {
-                b.meets(&bounds) && b.max_along(normal) >= lo && -b.max_along(-normal) <= hi
-            },
+            |b| b.meets(&bounds) && b.max_along(normal) >= lo && -b.max_along(-normal) <= hi,
             |piece| found.push(piece),
         );
         found.sort_unstable();
@@ -512,7 +516,16 @@ impl<'e, 's> Tracer<'e, 's> {
             {
                 continue;
             }
-            self.blocked_by(shaft, swath, part, id, &mut hidden);
+            let corners: SmallVec<[DVec3; 8]> = piece
+                .vertices
+                .iter()
+                .map(|&v| self.scene.position(v))
+                .collect();
+            let heights = corners.iter().map(|x| normal.dot(*x));
+            if heights.clone().all(|h| h < lo) || heights.clone().all(|h| h > hi) {
+                continue;
+            }
+            self.blocked_by(shaft, swath, part, (id, &corners), &mut hidden);
         }
         hidden
     }
@@ -522,40 +535,42 @@ impl<'e, 's> Tracer<'e, 's> {
         shaft: &Shaft<'_>,
         swath: &Swath,
         part: Part,
-        id: u32,
+        (id, corners): (u32, &[DVec3]),
         hidden: &mut Vec<Part>,
     ) {
         let piece = &self.scene.pieces[id as usize];
         let face = self.scene.face(piece.face);
-        let corners: SmallVec<[DVec3; 8]> = piece
-            .vertices
-            .iter()
-            .map(|&v| self.scene.position(v))
-            .collect();
         let mut breaks: SmallVec<[(f64, Cause); 16]> = SmallVec::new();
-        let mut add = |form: Quadratic, cause: Cause| {
-            breaks.extend(
-                form.sign_changes()
-                    .into_iter()
-                    .filter(|&t| t > part.from && t < part.to)
-                    .map(|t| (t, cause)),
-            );
-        };
         let n = corners.len();
         for i in 0..n {
             let j = (i + 1) % n;
-            let cause = self
-                .scene
-                .edge_between(piece.vertices[i], piece.vertices[j])
-                .map_or(Cause::Other, Cause::Edge);
-            add(swath.side(corners[i], corners[j]), cause);
+            let changes = swath.side(corners[i], corners[j]).sign_changes();
+            if changes.iter().any(|&t| t > part.from && t < part.to) {
+                let cause = self
+                    .scene
+                    .edge_between(piece.vertices[i], piece.vertices[j])
+                    .map_or(Cause::Other, Cause::Edge);
+                breaks.extend(
+                    changes
+                        .into_iter()
+                        .filter(|&t| t > part.from && t < part.to)
+                        .map(|t| (t, cause)),
+                );
+            }
         }
         // Where the line's end passes through the piece.
         let plane = form(face.normal, corners[0]);
         for on in [self.form, shaft.lamp_form] {
             let side = |x: &DVec3| on.dot(x.extend(1.0));
             if corners.iter().any(|x| side(x) > 0.0) && corners.iter().any(|x| side(x) < 0.0) {
-                add(swath.form_at_hit(plane, on), Cause::Other);
+                breaks.extend(
+                    swath
+                        .form_at_hit(plane, on)
+                        .sign_changes()
+                        .into_iter()
+                        .filter(|&t| t > part.from && t < part.to)
+                        .map(|t| (t, Cause::Other)),
+                );
             }
         }
         breaks.sort_by(|x, y| x.0.total_cmp(&y.0));
@@ -563,7 +578,7 @@ impl<'e, 's> Tracer<'e, 's> {
         for to in breaks.into_iter().chain([(part.to, part.causes[1])]) {
             let is_blocked = self
                 .line(shaft, swath, 0.5 * (from.0 + to.0))
-                .is_some_and(|[x, y]| pierces(x, y, &corners, face.normal, self.tolerance));
+                .is_some_and(|[x, y]| pierces(x, y, corners, face.normal, self.tolerance));
             if is_blocked {
                 hidden.push(Part {
                     from: from.0,
@@ -577,7 +592,6 @@ impl<'e, 's> Tracer<'e, 's> {
 
     /// A box and a slab (unit normal, least and largest offset) that hold all lines
     /// of a part between receiver and emitter.
-    #[expect(clippy::type_complexity, reason = "one caller")]
     fn around(
         &self,
         shaft: &Shaft<'_>,
@@ -589,8 +603,12 @@ impl<'e, 's> Tracer<'e, 's> {
             (self.form, &shaft.receiver_hull),
             (shaft.lamp_form, &shaft.lamp_hull),
         ] {
-            let control = [(part.from, part.from), (part.from, part.to), (part.to, part.to)]
-                .map(|(s, t)| swath.blossom(plane, s, t));
+            let control = [
+                (part.from, part.from),
+                (part.from, part.to),
+                (part.to, part.to),
+            ]
+            .map(|(s, t)| swath.blossom(plane, s, t));
             if control.iter().all(|c| c.w > 0.0) || control.iter().all(|c| c.w < 0.0) {
                 points.extend(control.iter().map(|c| c.truncate() / c.w));
             } else {
@@ -630,8 +648,12 @@ impl<'e, 's> Tracer<'e, 's> {
         cuts: u32,
     ) {
         let is_arc = generators.len() == 3;
-        let control = [(part.from, part.from), (part.from, part.to), (part.to, part.to)]
-            .map(|(s, t)| swath.blossom(self.form, s, t));
+        let control = [
+            (part.from, part.from),
+            (part.from, part.to),
+            (part.to, part.to),
+        ]
+        .map(|(s, t)| swath.blossom(self.form, s, t));
         let weights = control.map(|c| c.w);
         let is_proper = weights[0] * weights[2] > 0.0 && weights[0] * weights[1] > 0.0;
         if is_arc && !is_proper && cuts > 0 {
