@@ -864,12 +864,17 @@ impl Field {
         centroid: DVec2,
         samples: &mut Vec<Sample>,
     ) -> u32 {
-        let toward = (centroid - uv).normalize_or_zero();
+        // Beside a line the limit is the same for all directions; straight away from it
+        // it has most digits, whatever the shape of the element.
+        let toward = match side {
+            NodeSide::Left(across) | NodeSide::Right(across) => across,
+            _ => (centroid - uv).normalize_or_zero(),
+        };
         let tag = match side {
             NodeSide::Both => [0, 0],
             NodeSide::Border => [1, 0],
-            NodeSide::Left => [2, 0],
-            NodeSide::Right => [3, 0],
+            NodeSide::Left(_) => [2, 0],
+            NodeSide::Right(_) => [3, 0],
             NodeSide::Corner => [toward.x.to_bits(), toward.y.to_bits()],
         };
         let place = (uv / (SAME_NODE * self.size)).round();
@@ -1148,17 +1153,17 @@ impl SpecialVertex {
 }
 
 /// From where a node's value is the limit.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq)]
 enum NodeSide {
     /// Irradiance is continuous there.
     Both,
     /// Inside a corner of the border without contact.
     Border,
     /// Left of a contact or border, in its direction with a positive component along
-    /// a fixed reference.
-    Left,
+    /// a fixed reference; with the unit vector that points away from the line.
+    Left(DVec2),
     /// Right of it.
-    Right,
+    Right(DVec2),
     /// Its own element only.
     Corner,
 }
@@ -1173,10 +1178,11 @@ impl NodeSide {
         } else {
             line
         };
-        if line.perp_dot(centroid - at) > 0.0 {
-            Self::Left
+        let left = line.perp().normalize_or_zero();
+        if left.dot(centroid - at) > 0.0 {
+            Self::Left(left)
         } else {
-            Self::Right
+            Self::Right(-left)
         }
     }
 }

@@ -487,6 +487,31 @@ impl<'s> Evaluator<'s> {
         }
 
         scratch.slack = approach.map_or(0.0, |a| 4.0 * a.radius) + self.scene.plane_tolerance();
+        let mut found = std::mem::take(&mut scratch.found);
+        let list = match list {
+            Some(list) => list,
+            None => {
+                found.clear();
+                self.query(view, source, bounds, point, approach, &mut found);
+                &found
+            }
+        };
+        let factor = self.factor_behind(view, source, list, point, approach, scratch);
+        scratch.found = found;
+        factor
+    }
+
+    /// The factor of a convex source behind these occluders.
+    fn factor_behind(
+        &self,
+        view: &View,
+        source: &Source<'_>,
+        list: &[u32],
+        point: DVec3,
+        approach: Option<&Approach>,
+        scratch: &mut Scratch,
+    ) -> f64 {
+        let point = approach.map_or(point, |a| self.settle(view.normal, list, point, a));
 
         // The source relative to the point, above the horizon.
         let parts = relative_source(source, point, approach, &mut scratch.fragments);
@@ -541,16 +566,7 @@ impl<'s> Evaluator<'s> {
                 });
             }
         };
-        match list {
-            Some(list) => list.iter().for_each(|&piece| add(piece, scratch)),
-            None => {
-                let mut found = std::mem::take(&mut scratch.found);
-                found.clear();
-                self.query(view, source, bounds, point, approach, &mut found);
-                found.iter().for_each(|&piece| add(piece, scratch));
-                scratch.found = found;
-            }
-        }
+        list.iter().for_each(|&piece| add(piece, scratch));
         scratch.n_cones += scratch.cones.len() as u64;
 
         let unoccluded: f64 = lit
@@ -576,6 +592,38 @@ impl<'s> Evaluator<'s> {
             return 0.0;
         }
         factor.min(unoccluded)
+    }
+
+    /// Moves a point that touches occluders onto their planes, within its receiver's
+    /// plane.
+    ///
+    /// Nodes on contacts lie beside them by the rounding of the mesh; seen from there,
+    /// light of that size would come in between a wall that touches the point and
+    /// what joins it above.
+    fn settle(&self, up: DVec3, list: &[u32], point: DVec3, approach: &Approach) -> DVec3 {
+        let mut settled = point;
+        for &piece in list {
+            let normal = self.occluders[piece as usize].normal;
+            let corners = self.occluder_corners(piece);
+            let height = normal.dot(corners[0] - settled);
+            let across = normal - up * up.dot(normal);
+            if height == 0.0
+                || height.abs() > approach.radius
+                || normal.dot(approach.toward).abs() <= 1e-6
+                || across.length_squared() < 1e-6
+            {
+                continue;
+            }
+            let touches = (0..corners.len()).all(|i| {
+                let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
+                let along = b - a;
+                normal.cross(along).dot(settled - a) >= -approach.radius * along.length()
+            });
+            if touches {
+                settled += across * (height / across.length_squared());
+            }
+        }
+        settled
     }
 
     /// Candidates of one point: pieces whose box meets the pyramid from the point

@@ -61,10 +61,54 @@ pub(crate) struct Sheet<'e, 's> {
     lamp: Vec<[DVec2; 2]>,
     /// What the lines must pass: edges, or the outline of a facet.
     layers: SmallVec<[Vec<DVec2>; 2]>,
+    /// Of a facet: on which sides of the plane other faces meet each of its edges.
+    beside: Vec<Beside>,
     lamp_form: DVec4,
     lamp_plane: PlaneId,
     receiver_plane: PlaneId,
     tolerance: f64,
+}
+
+/// On which sides of a plane faces meet an edge in it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Beside {
+    above: bool,
+    below: bool,
+}
+
+impl Beside {
+    const NOTHING: Self = Self {
+        above: false,
+        below: false,
+    };
+    const BOTH: Self = Self {
+        above: true,
+        below: true,
+    };
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            above: self.above || other.above,
+            below: self.below || other.below,
+        }
+    }
+}
+
+/// The sides of the other faces at every edge of a face's outline.
+fn beside(evaluator: &Evaluator<'_>, id: FaceId, normal: DVec3) -> Vec<Beside> {
+    let scene = evaluator.scene();
+    let outline = &scene.face(id).outline;
+    (0..outline.len())
+        .map(|i| {
+            let edge = scene.edge_between(outline[i], outline[(i + 1) % outline.len()]);
+            let faces = edge.map_or(&[][..], |e| evaluator.adjacency().faces_at(e));
+            let heights = faces.iter().map(|at| normal.dot(at.inward));
+            Beside {
+                above: heights.clone().any(|h| h > 1e-9),
+                below: heights.clone().any(|h| h < -1e-9),
+            }
+        })
+        .collect()
 }
 
 /// Abscissae (0 to 1) and weights of Gauss quadrature with 5 points.
@@ -113,6 +157,7 @@ impl<'e, 's> Sheet<'e, 's> {
             up,
             lamp: Vec::new(),
             layers: SmallVec::new(),
+            beside: Vec::new(),
             lamp_form,
             lamp_plane: lamp.plane,
             receiver_plane: face.plane,
@@ -147,6 +192,9 @@ impl<'e, 's> Sheet<'e, 's> {
             sheet
                 .layers
                 .push(between.into_iter().map(|p| sheet.flat(p)).collect());
+        }
+        if let Event::FacetPlane(id) = event {
+            sheet.beside = beside(evaluator, id, normal);
         }
         (!sheet.lamp.is_empty()).then_some(sheet)
     }
@@ -236,29 +284,41 @@ impl<'e, 's> Sheet<'e, 's> {
                 seen.subtract(from, to);
             }
             for (from, to) in seen.iter() {
-                let at = |m: f64| on_line(s, m, lamp[0], lamp[1]);
-                let (Some(p), Some(q)) = (at(from), at(to)) else {
-                    continue;
-                };
-                let length = p.distance(q);
-                for (t, weight) in GAUSS {
-                    let y = p + (q - p) * t;
-                    let m = (y.x - s) / y.y;
-                    let ratios = self.distance_ratios(s, m, y.y);
-                    let line = self.space(y) - x;
-                    let r_sq = line.length_squared();
-                    let cosines = receiver.normal.dot(line) * -lamp_normal.dot(line) / r_sq;
-                    let kernel = (cosines / (PI * r_sq)).max(0.0);
-                    sum += weight * length * kernel * (ratios.1 - ratios.0);
+                // Piecewise smooth: corners of the layers divide it.
+                let mut ends: SmallVec<[f64; 16]> = self
+                    .layers
+                    .iter()
+                    .flatten()
+                    .map(|p| (p.x - s) / p.y)
+                    .filter(|&m| m > from && m < to)
+                    .chain([from, to])
+                    .collect();
+                ends.sort_by(f64::total_cmp);
+                for pair in ends.windows(2) {
+                    let at = |m: f64| on_line(s, m, lamp[0], lamp[1]);
+                    let (Some(p), Some(q)) = (at(pair[0]), at(pair[1])) else {
+                        continue;
+                    };
+                    let length = p.distance(q);
+                    for (t, weight) in GAUSS {
+                        let y = p + (q - p) * t;
+                        let line = self.space(y) - x;
+                        let r_sq = line.length_squared();
+                        let cosines = receiver.normal.dot(line) * -lamp_normal.dot(line) / r_sq;
+                        let kernel = (cosines / (PI * r_sq)).max(0.0);
+                        sum += weight * length * kernel * self.opening(s, (y.x - s) / y.y, y.y);
+                    }
                 }
             }
         }
         sum * speed
     }
 
-    /// The least and largest distance ratio of what competes along a line.
-    fn distance_ratios(&self, s: f64, m: f64, top: f64) -> (f64, f64) {
-        let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+    /// How fast the strip of the emitter between what competes along a line opens: the
+    /// difference of distance ratios.
+    fn opening(&self, s: f64, m: f64, top: f64) -> f64 {
+        // Least and largest ratio, with the edge of the facet.
+        let mut range: Option<[(f64, usize); 2]> = None;
         for layer in &self.layers {
             let n = layer.len();
             for i in 0..if n == 2 { 1 } else { n } {
@@ -267,19 +327,38 @@ impl<'e, 's> Sheet<'e, 's> {
                 if (ma.min(mb)..=ma.max(mb)).contains(&m)
                     && let Some(p) = on_line(s, m, a, b)
                 {
-                    (lo, hi) = (lo.min(top / p.y), hi.max(top / p.y));
+                    let here = (top / p.y, i);
+                    let [lo, hi] = range.get_or_insert([here; 2]);
+                    if here.0 < lo.0 {
+                        *lo = here;
+                    }
+                    if here.0 > hi.0 {
+                        *hi = here;
+                    }
                 }
             }
         }
-        if lo > hi {
-            return (1.0, 1.0);
-        }
+        let Some([lo, hi]) = range else {
+            return 0.0;
+        };
         let is_emitters_edge = self.layers.len() == 1 && self.layers[0].len() == 2;
         if is_emitters_edge {
-            (1.0, hi)
-        } else {
-            (lo, hi)
+            return hi.0 - 1.0;
         }
+        let side = |edge: usize| self.beside.get(edge).copied();
+        let times = match (side(lo.1), side(hi.1)) {
+            // A free plate hides the strip from both sides.
+            (Some(Beside::NOTHING), Some(Beside::NOTHING)) if self.is_whole_facet() => 2.0,
+            // With faces on both sides, at one edge or together, nothing is seen.
+            (Some(a), Some(b)) if self.is_whole_facet() && a.and(b) == Beside::BOTH => 0.0,
+            _ => 1.0,
+        };
+        times * (hi.0 - lo.0)
+    }
+
+    /// Is it a facet none of which is cut off by the planes of receiver and emitter?
+    fn is_whole_facet(&self) -> bool {
+        self.layers.len() == 1 && self.layers[0].len() == self.beside.len()
     }
 
     /// The directions in the sheet that other surfaces block.
