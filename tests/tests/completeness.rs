@@ -465,7 +465,7 @@ fn structure_is_constant_in_elements_under_sixteen_boxes() {
 }
 
 #[test]
-#[ignore = "takes many minutes"]
+#[ignore = "takes ten minutes"]
 fn structure_is_constant_in_elements_under_sixty_four_boxes() {
     println!("{}", structure_is_constant(&["eee/boxes-64".to_owned()]));
 }

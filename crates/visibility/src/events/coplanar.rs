@@ -616,7 +616,12 @@ impl Tracer<'_, '_> {
         if inside.is_empty() {
             return;
         }
-        for pair in sheet.marks().windows(2) {
+        // The ends of the receiver are marks too: shadows of what is higher than the
+        // emitter have no end.
+        let mut marks = sheet.marks();
+        marks.extend(inside.iter().flat_map(|(from, to)| [from, to]));
+        marks.sort_by(f64::total_cmp);
+        for pair in marks.windows(2) {
             if !sheet.is_active(0.5 * (pair[0] + pair[1])) {
                 continue;
             }
