@@ -28,6 +28,7 @@ fn scenes() -> Vec<(&'static str, SceneInput)> {
         ("ve-non-emitter", ve_non_emitter()),
         ("ee-non-emitter", ee_non_emitter()),
         ("facet-at-horizon", facet_at_horizon()),
+        ("folded-sheet", folded_sheet()),
         ("ee-at-horizon", ee_at_horizon()),
         ("facet-beside-upright-lamp", facet_beside_upright_lamp()),
         ("stacked-triangles", stacked_triangles()),
@@ -161,6 +162,21 @@ fn ee_non_emitter() -> SceneInput {
         [0.5, 8.0, 0.125],
         [6.0, 0.375, 0.125],
     );
+    scene
+}
+
+/// Two leaves of a sheet: the edges at either end of the fold lie in one plane, but
+/// in no face of it.
+fn folded_sheet() -> SceneInput {
+    let mut scene = lit_from_above([1.0, 1.0]);
+    let (fold, rise, drop) = (
+        [dvec3(-0.375, 0.0625, 1.25), dvec3(0.375, 0.0, 1.25)],
+        dvec3(0.03125, 0.375, 0.375),
+        dvec3(0.0625, 0.125, -0.5),
+    );
+    let [a, b] = fold;
+    add(&mut scene, "upper", "grey", &[a, b, b + rise, a + rise]);
+    add(&mut scene, "lower", "grey", &[b, a, a + drop, b + drop]);
     scene
 }
 

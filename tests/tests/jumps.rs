@@ -2,7 +2,7 @@
 
 use antumbra::scene::FaceId;
 use antumbra::visibility::{JUMP_PLACES, View, critical_curves};
-use antumbra::{CriticalCurve, Discontinuity, EventKind, EventKinds, Evaluator, Scene, Scratch};
+use antumbra::{CriticalCurve, Discontinuity, Evaluator, EventKind, EventKinds, Scene, Scratch};
 use antumbra_tests::cases::{build, fixture, fixtures, json_files};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -70,13 +70,14 @@ fn ratios(name: &str) -> Vec<(EventKind, f64, String)> {
     let emitters: Vec<FaceId> = evaluator.emitters().collect();
     let mut found = Vec::new();
     for face in scene.face_ids() {
-        let curves =
-            critical_curves(&evaluator, face, EventKinds::ALL, 2f64.powi(-24)).curves;
+        let curves = critical_curves(&evaluator, face, EventKinds::ALL, 2f64.powi(-24)).curves;
         for (i, curve) in curves.iter().enumerate() {
             if curve.kind() == EventKind::Contact {
                 continue;
             }
-            let emitter = curve.emitter.and_then(|e| emitters.iter().position(|&f| f == e));
+            let emitter = curve
+                .emitter
+                .and_then(|e| emitters.iter().position(|&f| f == e));
             let Some(emitter) = emitter else { continue };
             let probe = Probe {
                 evaluator: &evaluator,
@@ -165,8 +166,17 @@ fn predicted_jumps_are_measured_within_one_percent_on_every_kind() {
     }
     eprintln!("{by_kind:?}");
     assert!(JUMP_PLACES.len() > 2);
-    for kind in [EventKind::Ve, EventKind::Ee, EventKind::Eee, EventKind::Facet, EventKind::Horizon] {
-        assert!(by_kind.contains_key(&kind), "no curve of kind {kind:?} was measured");
+    for kind in [
+        EventKind::Ve,
+        EventKind::Ee,
+        EventKind::Eee,
+        EventKind::Facet,
+        EventKind::Horizon,
+    ] {
+        assert!(
+            by_kind.contains_key(&kind),
+            "no curve of kind {kind:?} was measured"
+        );
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

@@ -173,13 +173,17 @@ pub(crate) const CHECK_POINTS: [[f64; 3]; 3] =
 /// from these.
 const SECOND_POINTS: [[f64; 3]; 2] = [[0.42, 0.50, 0.08], [0.50, 0.08, 0.42]];
 
+/// Edges longer than this fraction of their receiver are checked at both ends: over
+/// them irradiance is not yet like a polynomial of the next degree.
+const SHORT_EDGE: f64 = 0.1;
+
 /// Where the error is measured inside of elements if all curves are known, by degree:
 /// in the middle between the nodes. Elements without inner nodes are seen less of.
 const INNER_POINTS: [&[[f64; 3]]; 4] = [
     &[[0.38, 0.34, 0.28], [0.2, 0.18, 0.62]],
     &[[0.38, 0.34, 0.28], [0.2, 0.18, 0.62]],
     &[[0.55, 0.25, 0.20]],
-    &[[0.38, 0.34, 0.28]],
+    &[[0.38, 0.34, 0.28], [0.13, 0.74, 0.13]],
 ];
 
 /// Where the error is measured on an edge that lies on a curve, by degree, from
@@ -191,11 +195,15 @@ const EDGE_CHECK: [f64; 4] = [0.5, 0.211, 0.127, 0.0892];
 /// factor of two, rarely more (measured: `docs/accuracy.md`).
 pub(crate) const SAFETY: f64 = 0.45;
 
+/// The same if all curves are known: points on those left out see most of what they
+/// cost.
+const KINK_SAFETY: f64 = 0.6;
+
 /// The same for elements in which nothing bends, or only little: curves that may cost
 /// less than this share of the tolerance. Of smooth functions the check points find
 /// most of the largest error.
 const CALM_KINK: f64 = 0.1;
-const CALM_SAFETY: f64 = 0.55;
+const CALM_SAFETY: f64 = 0.65;
 
 /// What splitting an element costs, relative to the estimate of
 /// [`Field::worth_cutting`]: cuts make slim triangles (measured on the box fixtures).
@@ -444,26 +452,25 @@ impl Field {
             .collect();
         kinks.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let mut points = SmallVec::from_slice(INNER_POINTS[usize::from(self.degree) - 1]);
-        points.extend(
-            kinks
-                .iter()
-                .take(3)
-                .filter_map(|&(_, c)| self.middle_of(t, c)),
-        );
+        for (i, &(_, c)) in kinks.iter().take(3).enumerate() {
+            // The strongest at two places: an element may be wide at one end only.
+            let places: &[f64] = if i == 0 { &[0.25, 0.75] } else { &[0.5] };
+            points.extend(places.iter().filter_map(|&at| self.place_on(t, c, at)));
+        }
         points
     }
 
-    /// The middle of a postponed curve's part in an element.
-    fn middle_of(&self, t: usize, curve: u32) -> Option<[f64; 3]> {
+    /// The place at this share of a postponed curve's part in an element.
+    fn place_on(&self, t: usize, curve: u32, share: f64) -> Option<[f64; 3]> {
         let corners = self.mesh.corners(t as u32);
         let ends = self.postponed[curve as usize].ends;
         let (from, to) = part_inside(corners, ends)?;
-        let middle = ends[0] + (ends[1] - ends[0]) * (0.5 * (from + to));
+        let place = ends[0] + (ends[1] - ends[0]) * (from + (to - from) * share);
         let [a, b, c] = corners;
         let area = (b - a).perp_dot(c - a);
         let (v, w) = (
-            (middle - a).perp_dot(c - a) / area,
-            (b - a).perp_dot(middle - a) / area,
+            (place - a).perp_dot(c - a) / area,
+            (b - a).perp_dot(place - a) / area,
         );
         let at = [1.0 - v - w, v, w];
         at.iter().all(|x| (0.0..=1.0).contains(x)).then_some(at)
@@ -812,8 +819,11 @@ impl Field {
                 barycentric[k] = 1.0 - at;
                 barycentric[next] = at;
                 checks.push((barycentric, self.node(uv, side, centroid, samples)));
-                // One place an edge, the same from both sides, if all curves are known.
-                if off == 0.5 || (checks_all && self.degree > 2) {
+                // One place an edge, the same from both sides, if all curves are known
+                // and the edge is short: the error is then as large at its other end.
+                let [p, q] = [triangle[k], triangle[next]].map(|v| self.mesh.vertices[v as usize]);
+                let is_short = p.distance(q) <= SHORT_EDGE * self.size;
+                if off == 0.5 || (checks_all && self.degree > 2 && is_short) {
                     break;
                 }
             }
@@ -933,10 +943,12 @@ impl Field {
     }
 
     fn safety(&self, t: usize, allowed: &[f64]) -> f64 {
-        if self.knows_all_curves && self.worst_kink(t, allowed) < CALM_KINK {
+        if !self.knows_all_curves {
+            SAFETY
+        } else if self.worst_kink(t, allowed) < CALM_KINK {
             CALM_SAFETY
         } else {
-            SAFETY
+            KINK_SAFETY
         }
     }
 
