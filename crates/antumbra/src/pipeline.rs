@@ -4,7 +4,7 @@ use crate::demand::{Candidate, Choice, worth_a_line};
 use crate::light::ExactLight;
 use crate::plan::{Plan, Quantity};
 use antumbra_mesh::{ArrangementOptions, MeshError, Order, TaggedCurve, TriMesh, arrange};
-use antumbra_scene::{FaceId, Scene};
+use antumbra_scene::{Aabb, FaceId, Scene};
 use antumbra_solver::{
     DirectMeshes, DirectOptions, DirectSolution, Postponed, RadiosityOptions, RadiositySolution,
     Receiver, Tolerance, solve_radiosity,
@@ -327,7 +327,8 @@ struct ScoutedReceiver {
     face: FaceId,
     curves: CriticalCurves,
     choice: Choice,
-    is_lit: bool,
+    /// About how many elements light without shadows calls for.
+    smooth_elements: f64,
 }
 
 impl<'l> Scout<'l> {
@@ -363,7 +364,7 @@ impl<'l> Scout<'l> {
                     face,
                     curves,
                     choice,
-                    is_lit: light.view(face).sees_any_emitter(),
+                    smooth_elements: smooth_elements(evaluator, light, face),
                 }
             })
             .collect();
@@ -397,15 +398,45 @@ impl<'l> Scout<'l> {
     }
 
     pub(crate) fn expected_elements(&self) -> f64 {
-        let per_receiver = |r: &ScoutedReceiver| {
-            if r.is_lit {
-                2.0 + r.choice.elements
-            } else {
-                2.0
-            }
-        };
-        self.receivers.iter().map(per_receiver).sum()
+        self.receivers
+            .iter()
+            .map(|r| {
+                let is_contact = |c: &&CriticalCurve| c.kind() == EventKind::Contact;
+                let n_contacts = r.curves.curves.iter().filter(is_contact).count() as f64;
+                2.0 + r.smooth_elements + r.choice.elements + ELEMENTS_PER_CONTACT * n_contacts
+            })
+            .sum()
     }
+}
+
+/// Elements that grade down to the ends of a contact (measured on tables and boxes that
+/// stand on floors).
+const ELEMENTS_PER_CONTACT: f64 = 60.0;
+
+/// Elements that light without shadows calls for on a face as large as its distance
+/// from the emitter (measured on unoccluded floors, degree 3 at 1e-3).
+const ELEMENTS_IN_THE_OPEN: f64 = 20.0;
+
+/// About how many elements a face needs for the nearest emitter it sees, shadows
+/// apart: irradiance bends over the distance to the emitter.
+fn smooth_elements(evaluator: &Evaluator<'_>, light: &ExactLight<'_, '_>, face: FaceId) -> f64 {
+    let scene = evaluator.scene();
+    let bounds = |f: FaceId| Aabb::of(scene.positions(&scene.face(f).outline));
+    let own = bounds(face);
+    let emitters: Vec<FaceId> = evaluator.emitters().collect();
+    let nearest = light
+        .view(face)
+        .visible_emitters()
+        .map(|e| {
+            let other = bounds(emitters[e]);
+            let gap = (own.min - other.max).max(other.min - own.max);
+            gap.max(glam::DVec3::ZERO).length()
+        })
+        .fold(f64::INFINITY, f64::min);
+    let size = scene.face(face).area.sqrt();
+    // Touching emitters: refinement ends somewhere.
+    let ratio = size / nearest.max(size / 5.0);
+    ELEMENTS_IN_THE_OPEN * ratio * ratio
 }
 
 /// Elements that a curve makes if all are put into the mesh (measured on the box
@@ -434,7 +465,7 @@ fn contact_receivers(evaluator: &Evaluator<'_>) -> Result<Vec<Receiver>, Error> 
                     is_line,
                     elements: 0.0,
                 },
-                is_lit: true,
+                smooth_elements: 0.0,
             };
             prepare(scene, receiver, false, 0.0).map(|p| p.receiver)
         })
