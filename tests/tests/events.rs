@@ -10,7 +10,17 @@ use antumbra_tests::cases::{build, fixture, fixtures, json_files};
 use glam::DVec3;
 use std::fmt::Write as _;
 
-const FOLDERS: [&str; 4] = ["basic", "alignment", "contact", "penetration"];
+const FOLDERS: [&str; 5] = ["basic", "alignment", "contact", "penetration", "eee"];
+
+/// Fixtures whose tables would be long: their curves are counted, not listed.
+const LARGE: [&str; 6] = [
+    "eee/boxes-4",
+    "eee/boxes-8",
+    "eee/boxes-16",
+    "eee/boxes-64",
+    "eee/grating",
+    "eee/table-and-chairs",
+];
 
 /// All small fixtures by path, sorted.
 fn names() -> Vec<String> {
@@ -23,7 +33,11 @@ fn names() -> Vec<String> {
             })
             .collect()
     };
-    FOLDERS.into_iter().flat_map(in_folder).collect()
+    FOLDERS
+        .into_iter()
+        .flat_map(in_folder)
+        .filter(|name| !LARGE.contains(&name.as_str()))
+        .collect()
 }
 
 fn meshed(name: &str) -> (Scene, Meshed) {
@@ -125,6 +139,34 @@ fn critical_curves_of_the_fixtures() {
             curve_table(&name)
         );
     }
+}
+
+#[test]
+fn numbers_of_critical_curves_of_large_fixtures() {
+    let mut table = String::new();
+    for name in LARGE.into_iter().filter(|name| !name.contains("64")) {
+        let scene = build(&fixture(name));
+        let (options, control) = (Options::default(), Control::default());
+        let plan = antumbra::plan(&scene, &options, antumbra::Quantity::Direct, &control);
+        let _ = writeln!(table, "{name}");
+        for kind in EventKind::ALL {
+            let k = kind as usize;
+            let _ = writeln!(
+                table,
+                "  {}: {} candidates, {} curves, {} lines at 1e-3",
+                kind.key(),
+                plan.candidates[k],
+                plan.curves[k],
+                plan.lines[k]
+            );
+        }
+        let sum = |n: &[u64; 6]| n.iter().sum::<u64>();
+        assert!(
+            sum(&plan.candidates) <= 20 * sum(&plan.curves),
+            "{name}: culling lets too many candidates through"
+        );
+    }
+    insta::assert_snapshot!("numbers_of_curves", table);
 }
 
 /// What a mesh holds: changes with every change of refinement.

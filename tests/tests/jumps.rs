@@ -1,7 +1,7 @@
 //! The jumps that are predicted are those that irradiance has.
 
 use antumbra::scene::FaceId;
-use antumbra::visibility::{JUMP_PLACES, View, critical_curves};
+use antumbra::visibility::{View, critical_curves};
 use antumbra::{CriticalCurve, Discontinuity, Evaluator, EventKind, EventKinds, Scene, Scratch};
 use antumbra_tests::cases::{build, fixture, fixtures, json_files};
 use glam::DVec3;
@@ -151,7 +151,9 @@ fn predicted_jumps_are_measured_within_one_percent_on_every_kind() {
     for folder in ["basic", "alignment", "eee"] {
         for path in json_files(&fixtures().join(folder)) {
             let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned());
-            let Some(stem) = stem.filter(|s| !s.contains("16") && !s.contains("64")) else {
+            // The largest scenes take long and have no other events.
+            let is_small = |s: &String| !["16", "64", "table"].iter().any(|t| s.contains(t));
+            let Some(stem) = stem.filter(is_small) else {
                 continue;
             };
             for (kind, ratio, row) in ratios(&format!("{folder}/{stem}")) {
@@ -164,8 +166,6 @@ fn predicted_jumps_are_measured_within_one_percent_on_every_kind() {
             }
         }
     }
-    eprintln!("{by_kind:?}");
-    assert!(JUMP_PLACES.len() > 2);
     for kind in [
         EventKind::Ve,
         EventKind::Ee,
