@@ -74,7 +74,7 @@ impl Options {
             Tolerance::Relative(t) => t,
             Tolerance::Absolute(_) => 1e-3,
         };
-        self.degree.unwrap_or(if tolerance > 3e-3 {
+        self.degree.unwrap_or(if tolerance > 3e-2 {
             2
         } else if tolerance > 3e-4 {
             3

@@ -4,6 +4,7 @@ use crate::Ending;
 use crate::args::Check;
 use crate::failure::Failure;
 use crate::input;
+use crate::say::say;
 use antumbra::{Problem, Scene, Severity};
 use serde_json::{Value, json};
 
@@ -34,17 +35,17 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
                     "notes": input.notes,
                     "problems": problems(&built.warnings),
                 });
-                println!("{document:#}");
+                say!("{document:#}");
                 return Ok(Ending::Done);
             }
             for note in &input.notes {
-                println!("note: {note}");
+                say!("note: {note}");
             }
             for warning in &built.warnings {
-                println!("warning: {}", warning.message);
+                say!("warning: {}", warning.message);
             }
             let unit = built.scene.length_unit.symbol();
-            println!(
+            say!(
                 "{}: accepted, {} warnings\n\
                  {} surfaces ({} emitters), {} faces, {} planes, {} vertices, {} edges\n\
                  extent {} × {} × {} {unit} ({:.3} × {:.3} × {:.3} m), area {} {unit}²\n\
@@ -78,7 +79,7 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
                     "notes": input.notes,
                     "problems": problems(&found),
                 });
-                println!("{document:#}");
+                say!("{document:#}");
             }
             Err(Failure::not_acceptable(input::refusal(
                 &common.scene,

@@ -1,10 +1,6 @@
 //! The `antumbra` command: the only place that opens files, prints, reads the
 //! clock and exits.
-#![expect(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "a command line talks to its terminal"
-)]
+#![expect(clippy::print_stderr, reason = "a command line talks to its terminal")]
 
 mod args;
 mod check;
@@ -17,6 +13,7 @@ mod probe;
 mod progress;
 mod render;
 mod report;
+mod say;
 
 use args::{Command, Options};
 use clap::Parser;

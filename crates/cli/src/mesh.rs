@@ -7,6 +7,7 @@ use crate::input::{self, Loaded};
 use crate::output;
 use crate::progress::Watch;
 use crate::report::{self, Outcome};
+use crate::say::say;
 use antumbra::{Control, Ended, Meshed, Solved};
 
 /// What is to be done.
@@ -123,11 +124,11 @@ fn show(
     outputs: &[std::path::PathBuf],
 ) {
     if common.json {
-        println!("{report:#}");
+        say!("{report:#}");
     } else if !common.quiet {
-        println!("{}", report::summary(report, result));
+        say!("{}", report::summary(report, result));
         for path in outputs {
-            println!("wrote {}", path.display());
+            say!("wrote {}", path.display());
         }
     }
 }

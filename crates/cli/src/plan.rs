@@ -6,6 +6,7 @@ use crate::failure::Failure;
 use crate::input::{self, Loaded};
 use crate::progress::Watch;
 use crate::report::counts;
+use crate::say::say;
 use antumbra::{Control, Effect, Evaluator, EventKind, ExactLight, Plan, Quantity, Scratch};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -30,9 +31,9 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending, Failure> {
         .expected
         .map(|e| planning + e.exact_evaluations * seconds_per_evaluation(&loaded));
     if common.json {
-        println!("{:#}", document(&loaded, &plan, seconds));
+        say!("{:#}", document(&loaded, &plan, seconds));
     } else {
-        print!("{}", table(&plan, seconds));
+        say!("{}", table(&plan, seconds).trim_end());
     }
     Ok(match watch.stopped() {
         Some(stopped) => stopped,

@@ -7,6 +7,7 @@ use crate::input;
 use crate::mesh::{self, Work};
 use crate::output::{self, Format};
 use crate::progress::Watch;
+use crate::say::say;
 
 pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
     let common = &render.common;
@@ -40,7 +41,7 @@ pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
             continue;
         }
         if !common.quiet {
-            println!("wrote {}", path.display());
+            say!("wrote {}", path.display());
         }
     }
     if common.json {
@@ -49,7 +50,7 @@ pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
             .iter()
             .map(|p| p.display().to_string())
             .collect();
-        println!(
+        say!(
             "{:#}",
             serde_json::json!({ "version": env!("CARGO_PKG_VERSION"), "written": written })
         );

@@ -3,12 +3,13 @@
 
 use crate::evaluator::Evaluator;
 use crate::events::adjacency::Adjacency;
-use crate::events::curve::{CurveEnd, Shape};
+use crate::events::curve::{CriticalCurve, CurveEnd, Shape};
+use crate::events::jump::JUMP_PLACES;
 use crate::events::shaft::{Shaft, form};
 use crate::events::tracer::Tracer;
 use crate::events::{Event, EventKind};
 use crate::intervals::Intervals;
-use antumbra_scene::{Aabb, EdgeId, FaceId, PlaneId, Scene};
+use antumbra_scene::{Aabb, EdgeId, FaceId, Scene};
 use glam::{DVec2, DVec3, DVec4, dvec2};
 use smallvec::SmallVec;
 use std::f64::consts::PI;
@@ -63,9 +64,9 @@ pub(crate) struct Sheet<'e, 's> {
     layers: SmallVec<[Vec<DVec2>; 2]>,
     /// Of a facet: on which sides of the plane other faces meet each of its edges.
     beside: Vec<Beside>,
+    /// The chords in which other surfaces cross the plane between receiver and emitter.
+    blockers: Vec<[DVec2; 2]>,
     lamp_form: DVec4,
-    lamp_plane: PlaneId,
-    receiver_plane: PlaneId,
     tolerance: f64,
 }
 
@@ -158,9 +159,8 @@ impl<'e, 's> Sheet<'e, 's> {
             lamp: Vec::new(),
             layers: SmallVec::new(),
             beside: Vec::new(),
+            blockers: Vec::new(),
             lamp_form,
-            lamp_plane: lamp.plane,
-            receiver_plane: face.plane,
             tolerance,
         };
         let height = |x: DVec3| face.normal.dot(x - origin);
@@ -196,7 +196,11 @@ impl<'e, 's> Sheet<'e, 's> {
         if let Event::FacetPlane(id) = event {
             sheet.beside = beside(evaluator, id, normal);
         }
-        (!sheet.lamp.is_empty()).then_some(sheet)
+        if sheet.lamp.is_empty() {
+            return None;
+        }
+        sheet.find_blockers();
+        Some(sheet)
     }
 
     fn flat(&self, x: DVec3) -> DVec2 {
@@ -270,7 +274,6 @@ impl<'e, 's> Sheet<'e, 's> {
         let (receiver, lamp_face) = (scene.face(self.receiver), scene.face(self.emitter));
         let s = self.trace.parameter(x);
         let x = self.trace.at(s);
-        let hidden = self.hidden(s, x);
         let normal = self.trace.normal;
         let across = receiver.normal.cross(self.trace.direction);
         let lamp_normal = lamp_face.normal;
@@ -280,7 +283,7 @@ impl<'e, 's> Sheet<'e, 's> {
         for lamp in &self.lamp {
             let (lo, hi) = self.overlap(s, lamp);
             let mut seen = Intervals::one(lo, hi);
-            for &(from, to) in &hidden {
+            for (from, to) in self.hidden(s) {
                 seen.subtract(from, to);
             }
             for (from, to) in seen.iter() {
@@ -362,15 +365,17 @@ impl<'e, 's> Sheet<'e, 's> {
     }
 
     /// The directions in the sheet that other surfaces block.
-    fn hidden(&self, s: f64, x: DVec3) -> Vec<(f64, f64)> {
+    fn hidden(&self, s: f64) -> impl Iterator<Item = (f64, f64)> + '_ {
+        self.blockers
+            .iter()
+            .map(move |chord| Self::slopes(s, chord))
+    }
+
+    fn find_blockers(&mut self) {
         let scene = self.evaluator.scene();
-        let bounds = Aabb::of(
-            self.lamp
-                .iter()
-                .flatten()
-                .map(|&p| self.space(p))
-                .chain([x]),
-        );
+        let (receiver, lamp) = (scene.face(self.receiver), scene.face(self.emitter));
+        let around = scene.positions(&receiver.outline).into_iter();
+        let bounds = Aabb::of(around.chain(self.lamp.iter().flatten().map(|&p| self.space(p))));
         let normal = self.trace.normal;
         let offset = normal.dot(self.trace.origin);
         let slack = 4.0 * self.tolerance;
@@ -384,11 +389,10 @@ impl<'e, 's> Sheet<'e, 's> {
             |piece| found.push(piece),
         );
         found.sort_unstable();
-        let mut hidden = Vec::new();
         for id in found {
             let piece = &scene.pieces[id as usize];
             let plane = scene.face(piece.face).plane;
-            if plane == self.lamp_plane || plane == self.receiver_plane {
+            if plane == lamp.plane || plane == receiver.plane {
                 continue;
             }
             let corners = scene.positions(&piece.vertices);
@@ -408,13 +412,57 @@ impl<'e, 's> Sheet<'e, 's> {
             let part = clip(&[p, q], |x| {
                 self.lamp_form.dot(x.extend(1.0)) - self.tolerance
             });
-            let part: SmallVec<[DVec3; 2]> =
-                clip(&part, |x| self.flat(x).y - self.tolerance).into();
-            if let [p, q] = part.as_slice() {
-                hidden.push(Self::slopes(s, &[self.flat(*p), self.flat(*q)]));
+            let part = clip(&part, |x| self.flat(x).y - self.tolerance);
+            if let [p, q] = part[..] {
+                self.blockers.push([self.flat(p), self.flat(q)]);
             }
         }
-        hidden
+    }
+
+    /// The parts of an interval between two marks from which some of the emitter is
+    /// seen past all other surfaces.
+    ///
+    /// What hides it changes where the direction to an end of a blocker is that to an
+    /// end of emitter, layer or another blocker.
+    fn seen(&self, from: f64, to: f64) -> Intervals {
+        let fixed = self
+            .lamp
+            .iter()
+            .flatten()
+            .chain(self.layers.iter().flatten())
+            .chain(self.blockers.iter().flatten());
+        let mut marks = vec![from, to];
+        for p in self.blockers.iter().flatten() {
+            marks.extend(
+                fixed
+                    .clone()
+                    .map(|q| (p.x * q.y - q.x * p.y) / (q.y - p.y))
+                    .filter(|&s| s > from && s < to),
+            );
+        }
+        marks.sort_by(f64::total_cmp);
+        let mut parts: Vec<(f64, f64)> = Vec::new();
+        for pair in marks.windows(2) {
+            if pair[1] <= pair[0] || !self.is_seen(0.5 * (pair[0] + pair[1])) {
+                continue;
+            }
+            match parts.last_mut() {
+                Some(last) if last.1 >= pair[0] => last.1 = pair[1],
+                _ => parts.push((pair[0], pair[1])),
+            }
+        }
+        Intervals::from_sorted(parts)
+    }
+
+    fn is_seen(&self, s: f64) -> bool {
+        self.lamp.iter().any(|lamp| {
+            let (lo, hi) = self.overlap(s, lamp);
+            let mut seen = Intervals::one(lo, hi);
+            for (from, to) in self.hidden(s) {
+                seen.subtract(from, to);
+            }
+            seen.iter().any(|(from, to)| to - from > 1e-12)
+        })
     }
 }
 
@@ -625,18 +673,22 @@ impl Tracer<'_, '_> {
             if !sheet.is_active(0.5 * (pair[0] + pair[1])) {
                 continue;
             }
-            let active = Intervals::one(pair[0], pair[1]).intersect(&inside);
-            let before = self.result.curves.len();
-            self.emit(event, Some(shaft.emitter), &trace, &active);
-            // What other surfaces block altogether is no curve.
-            let mut kept = before;
-            for i in before..self.result.curves.len() {
-                if self.result.curves[i].jumps.iter().any(|&j| j > 0.0) {
-                    self.result.curves.swap(kept, i);
-                    kept += 1;
+            let within = Intervals::one(pair[0], pair[1]).intersect(&inside);
+            for (from, to) in within.iter() {
+                let mut active = sheet.seen(from, to);
+                active.drop_shorter(self.contact_radius);
+                for (from, to) in active.iter() {
+                    let shape = Shape::Segment([trace.at(from), trace.at(to)]);
+                    let jumps = JUMP_PLACES.map(|t| sheet.jump(shape.at(t)));
+                    self.result.curves.push(CriticalCurve {
+                        event,
+                        emitter: Some(shaft.emitter),
+                        shape,
+                        ends: [CurveEnd::Other; 2],
+                        jumps,
+                    });
                 }
             }
-            self.result.curves.truncate(kept);
         }
     }
 

@@ -135,14 +135,11 @@ impl Tracer<'_, '_> {
             let mut found = Vec::new();
             for upper in self.above(shaft, &features, lower) {
                 let (a, b) = (&features[lower], &features[upper as usize]);
-                if self.do_meet(a.edge, b.edge) {
-                    continue;
-                }
                 let cells = self.lines_through(shaft, a, b);
                 if cells.is_empty() {
                     continue;
                 }
-                if is_coplanar(a, b) {
+                if self.do_meet(a.edge, b.edge) || is_coplanar(a, b) {
                     if common_plane(self.scene, a.edge, b.edge).is_some() {
                         coplanar.push([a.edge.min(b.edge), a.edge.max(b.edge)]);
                     }

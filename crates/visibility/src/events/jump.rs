@@ -148,20 +148,6 @@ fn jump_of_curvature(
     }
 
     let adjacency = evaluator.adjacency();
-    let outlines = |vertex: VertexId| -> SmallVec<[EdgeId; 4]> {
-        let grazes = |e: EdgeId| {
-            let [a, b] = ends(e);
-            adjacency.is_outline(e, (b - a).cross(direction).normalize_or_zero())
-        };
-        let edges = adjacency.edges_at(vertex).iter().copied();
-        edges.filter(|&e| grazes(e)).collect()
-    };
-    let lamp_edges_at = |vertex: VertexId| -> SmallVec<[EdgeId; 4]> {
-        let edges = adjacency.edges_of(emitter).iter().copied();
-        edges
-            .filter(|e| scene.edges[e.index()].ends.contains(&vertex))
-            .collect()
-    };
     // The speed of every point of the emitter's plane as x moves: towards `step`
     // in the receiver's plane, as seen through the point of an edge.
     let chart = scene.chart(emitter);
@@ -201,24 +187,126 @@ fn jump_of_curvature(
         let jump = kernel * d * d / angles.abs();
         jump.is_finite().then_some(jump)
     };
-    let at_vertex = |edges: &[EdgeId], third: EdgeId| -> Option<f64> {
-        let mut largest: Option<f64> = None;
-        for (i, &e) in edges.iter().enumerate() {
-            for &f in &edges[i + 1..] {
-                if let Some(j) = jump([e, f, third]) {
-                    largest = Some(largest.map_or(j, |l| l.max(j)));
-                }
-            }
-        }
-        largest
+    // The corner of a vertex against an edge: rays of the corner's outline instead of
+    // whole lines, all with the vertex's speed.
+    let at_vertex = |vertex: VertexId, edge: EdgeId, is_emitters: bool| -> Option<f64> {
+        let speed = if is_emitters {
+            0.0
+        } else {
+            1.0 - distance / (scene.position(vertex) - x).length()
+        };
+        let (across, edge_speed) = line(edge)?;
+        let along = across.perp();
+        let opening = |step: DVec3| across.dot(flat(project(step))) * (speed - edge_speed);
+        let d = DVec2::new(opening(e1), opening(e2)).length();
+        let faces: SmallVec<[FaceId; 8]> = if is_emitters {
+            SmallVec::from_slice(&[emitter])
+        } else {
+            let edges = adjacency.edges_at(vertex).iter();
+            let mut faces: SmallVec<[FaceId; 8]> = edges
+                .flat_map(|&e| adjacency.faces_at(e))
+                .map(|at| at.face)
+                .collect();
+            faces.sort_unstable();
+            faces.dedup();
+            faces
+        };
+        let sectors: SmallVec<[[DVec2; 2]; 8]> = faces
+            .iter()
+            .filter_map(|&f| sector(scene, f, vertex, direction))
+            .map(|rays| rays.map(|r| flat(project(r))))
+            .collect();
+        let sum: f64 = outline_rays(&sectors)
+            .iter()
+            .map(|(ray, sign)| sign * ray.dot(along) / ray.dot(across))
+            .sum();
+        let jump = kernel * d * d * sum.abs();
+        jump.is_finite().then_some(jump)
     };
     match event {
-        Event::EmitterVertex { vertex, edge } => at_vertex(&lamp_edges_at(vertex), edge),
+        Event::EmitterVertex { vertex, edge } => at_vertex(vertex, edge, true),
         Event::EmitterEdge { edge, vertex } | Event::VertexEdge { vertex, edge } => {
-            at_vertex(&outlines(vertex), edge)
+            at_vertex(vertex, edge, false)
         }
         Event::EmitterTriple { emitter, occluders } => jump([emitter, occluders[0], occluders[1]]),
         Event::Triple(edges) => jump(edges),
         _ => None,
+    }
+}
+
+/// The rays between which a face lies at one of its vertices, counter-clockwise as seen
+/// along `direction`; `None` for a face seen edge-on.
+fn sector(
+    scene: &antumbra_scene::Scene,
+    id: FaceId,
+    vertex: VertexId,
+    direction: DVec3,
+) -> Option<[DVec3; 2]> {
+    let face = scene.face(id);
+    let facing = face.normal.dot(direction);
+    if facing.abs() < 1e-9 {
+        return None;
+    }
+    face.loops().find_map(|corners| {
+        let i = corners.iter().position(|&v| v == vertex)?;
+        let n = corners.len();
+        let ray = |v: VertexId| scene.position(v) - scene.position(vertex);
+        let (next, before) = (ray(corners[(i + 1) % n]), ray(corners[(i + n - 1) % n]));
+        Some(if facing < 0.0 {
+            [next, before]
+        } else {
+            [before, next]
+        })
+    })
+}
+
+/// The rays that bound the union of sectors, with the sign +1 where it begins
+/// counter-clockwise and −1 where it ends.
+fn outline_rays(sectors: &[[DVec2; 2]]) -> SmallVec<[(DVec2, f64); 8]> {
+    use std::f64::consts::TAU;
+    let turn = |from: f64, to: f64| (to - from).rem_euclid(TAU);
+    let angles: SmallVec<[[f64; 2]; 8]> =
+        sectors.iter().map(|s| s.map(|r| r.y.atan2(r.x))).collect();
+    let is_covered = |at: f64| angles.iter().any(|&[a, b]| turn(a, at) < turn(a, b));
+    let mut rays: SmallVec<[(f64, DVec2); 16]> = sectors
+        .iter()
+        .flatten()
+        .map(|&r| (r.y.atan2(r.x), r))
+        .collect();
+    rays.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // Two faces at an edge have the same ray, up to rounding.
+    rays.dedup_by(|a, b| a.0 - b.0 < 1e-9);
+    let n = rays.len();
+    let gap = |i: usize| {
+        let (from, to) = (rays[i].0, rays[(i + 1) % n].0);
+        let width = if n == 1 { TAU } else { turn(from, to) };
+        is_covered(from + 0.5 * width)
+    };
+    (0..n)
+        .filter_map(|i| match (gap((i + n - 1) % n), gap(i)) {
+            (false, true) => Some((rays[i].1, 1.0)),
+            (true, false) => Some((rays[i].1, -1.0)),
+            _ => None,
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::dvec2;
+
+    #[test]
+    fn outline_of_overlapping_sectors_is_that_of_their_union() {
+        let (a, b, c, d) = (
+            dvec2(1.0, 0.0),
+            dvec2(1.0, 1.0),
+            dvec2(0.0, 1.0),
+            dvec2(-1.0, 1.0),
+        );
+        let rays = outline_rays(&[[a, c], [b, d]]);
+        assert_eq!(rays.as_slice(), [(a, 1.0), (d, -1.0)]);
+        // Two sectors with a gap have four.
+        assert_eq!(outline_rays(&[[a, b], [c, d]]).len(), 4);
     }
 }
