@@ -3,6 +3,13 @@
 //! ```sh
 //! cargo run -p antumbra-tests --example scenes
 //! ```
+//!
+//! With a number, prints as many boxes over a floor that grows with them, one lamp over
+//! its middle: for measuring growth (`docs/benchmarks.md`).
+//!
+//! ```sh
+//! cargo run -p antumbra-tests --example scenes -- 512 > boxes-512.json
+//! ```
 
 use antumbra::SceneInput;
 use antumbra::io::scene_file;
@@ -11,7 +18,16 @@ use antumbra_tests::random::SplitMix;
 use antumbra_tests::scenes::{Facing, add, add_horizontal, empty};
 use glam::{DMat3, DVec3, dvec3};
 
+#[expect(clippy::print_stdout, reason = "the scene is printed")]
 fn main() {
+    if let Some(n) = std::env::args().nth(1) {
+        let n: u32 = n
+            .parse()
+            .unwrap_or_else(|e| panic!("{n}: a number of boxes is needed: {e}"));
+        let scale = (f64::from(n) / 8.0).sqrt();
+        println!("{}", scene_file::write(&boxes_over(n, [0.2, 0.5], scale)));
+        return;
+    }
     let folder = fixtures().join("eee");
     std::fs::create_dir_all(&folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
     for (name, scene) in scenes() {
@@ -43,8 +59,14 @@ fn scenes() -> Vec<(&'static str, SceneInput)> {
 
 /// A floor of four metres, and a lamp in the middle three metres above it.
 fn lit_from_above(lamp: [f64; 2]) -> SceneInput {
+    lit_floor(4.0, lamp)
+}
+
+/// A square floor, and a lamp in the middle three metres above it.
+fn lit_floor(width: f64, lamp: [f64; 2]) -> SceneInput {
     let mut scene = empty();
-    let floor = ([-2.0, 2.0], [-2.0, 2.0], 0.0);
+    let half = width / 2.0;
+    let floor = ([-half, half], [-half, half], 0.0);
     add_horizontal(&mut scene, "floor", "grey", floor, Facing::Up);
     let [x, y] = lamp.map(|width| width / 2.0);
     let lamp = [
@@ -288,13 +310,18 @@ fn grating() -> SceneInput {
 }
 
 /// Random boxes that float between floor and lamp; the seed is their number.
-fn boxes(n: u32, [shortest, longest]: [f64; 2]) -> SceneInput {
-    let mut scene = lit_from_above([1.0, 1.0]);
+fn boxes(n: u32, sizes: [f64; 2]) -> SceneInput {
+    boxes_over(n, sizes, 1.0)
+}
+
+/// The same over a floor that is larger by `scale`; heights and lamp stay.
+fn boxes_over(n: u32, [shortest, longest]: [f64; 2], scale: f64) -> SceneInput {
+    let mut scene = lit_floor(4.0 * scale, [1.0, 1.0]);
     let mut random = SplitMix::new(u64::from(n));
     let mut placed: Vec<Brick> = Vec::new();
     while placed.len() < n as usize {
         let brick = Brick {
-            middle: random.in_box(dvec3(-1.0, -1.0, 0.5), dvec3(1.0, 1.0, 2.4)),
+            middle: random.in_box(dvec3(-scale, -scale, 0.5), dvec3(scale, scale, 2.4)),
             half: random.in_box(DVec3::splat(shortest), DVec3::splat(longest)) / 2.0,
             rotation: random.rotation(),
         };

@@ -51,22 +51,11 @@ pub(crate) fn run(mesh: &Mesh, work: Work) -> Result<Ending, Failure> {
     }
     let formats = output::formats(&mesh.output, &output::MESHES)?;
     let loaded = input::load(common)?;
-    let names: Vec<String> = loaded
-        .scene
-        .surfaces
-        .iter()
-        .map(|s| s.name.clone())
-        .collect();
-    output::check_look(&mesh.picture, &names, work)?;
+    output::check_look(&mesh.picture, &loaded.scene, work)?;
     let watch = Watch::new(common, &mesh.meshing);
     let done = compute(&loaded, &mesh.meshing, &watch, work)?;
     let result = done.as_report();
-    let exported = antumbra::export(
-        &loaded.scene,
-        result.meshes,
-        result.curves,
-        &format!("antumbra {}", env!("CARGO_PKG_VERSION")),
-    );
+    let exported = result.export(&loaded);
     let (phases, _) = watch.finish();
     for (path, format) in mesh.output.iter().zip(formats) {
         output::write(path, format, &exported, &mesh.picture)?;

@@ -3,6 +3,7 @@
 use crate::args::Picture;
 use crate::failure::Failure;
 use crate::mesh::Work;
+use antumbra::Scene;
 use antumbra::io::model::MeshedScene;
 use antumbra::io::{picture, write};
 use std::io::{BufWriter, Write};
@@ -161,7 +162,7 @@ fn named(name: &str) -> Option<picture::View> {
 }
 
 /// Are `--view` and `--field` ones there are? Asked before any work is done.
-pub(crate) fn check_look(look: &Picture, surfaces: &[String], work: Work) -> Result<(), Failure> {
+pub(crate) fn check_look(look: &Picture, scene: &Scene, work: Work) -> Result<(), Failure> {
     let fields: &[&str] = match work {
         Work::Mesh => &["direct"],
         Work::Solve => &["direct", "irradiance", "radiosity"],
@@ -175,7 +176,7 @@ pub(crate) fn check_look(look: &Picture, surfaces: &[String], work: Work) -> Res
         )));
     }
     match look.view.strip_prefix("surface:") {
-        Some(name) if !surfaces.iter().any(|s| s == name) => Err(Failure::usage(format!(
+        Some(name) if scene.surface_named(name).is_none() => Err(Failure::usage(format!(
             "--view {}: there is no surface '{name}'",
             look.view
         ))),

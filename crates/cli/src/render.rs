@@ -13,28 +13,17 @@ pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
     let common = &render.common;
     let formats = output::formats(&render.output, &[Format::Png, Format::Svg])?;
     let loaded = input::load(common)?;
-    let names: Vec<String> = loaded
-        .scene
-        .surfaces
-        .iter()
-        .map(|s| s.name.clone())
-        .collect();
     let work = if render.direct {
         Work::Mesh
     } else {
         Work::Solve
     };
-    output::check_look(&render.picture, &names, work)?;
+    output::check_look(&render.picture, &loaded.scene, work)?;
     let watch = Watch::new(common, &render.meshing);
     let done = mesh::compute(&loaded, &render.meshing, &watch, work)?;
     let result = done.as_report();
     watch.finish();
-    let exported = antumbra::export(
-        &loaded.scene,
-        result.meshes,
-        result.curves,
-        &format!("antumbra {}", env!("CARGO_PKG_VERSION")),
-    );
+    let exported = result.export(&loaded);
     for (path, format) in render.output.iter().zip(formats) {
         output::write(path, format, &exported, &render.picture)?;
         if common.json {

@@ -4,6 +4,7 @@ use crate::args::Meshing;
 use crate::input::Loaded;
 use crate::plan;
 use crate::progress::peak_memory;
+use antumbra::io::model::MeshedScene;
 use antumbra::{
     DirectSolution, Ended, EventCounts, EventKind, Plan, RadiositySolution, ReceiverCurves, Scene,
     Tolerance, order_key,
@@ -17,6 +18,14 @@ pub(crate) struct Outcome<'a> {
     pub(crate) events: &'a EventCounts,
     pub(crate) plan: &'a Plan,
     pub(crate) radiosity: Option<&'a RadiositySolution>,
+}
+
+impl Outcome<'_> {
+    /// What files are written from.
+    pub(crate) fn export(&self, loaded: &Loaded) -> MeshedScene {
+        let generator = format!("antumbra {}", env!("CARGO_PKG_VERSION"));
+        antumbra::export(&loaded.scene, self.meshes, self.curves, &generator)
+    }
 }
 
 /// The document of `--json`.

@@ -240,7 +240,7 @@ pub const KINK_D2: [f64; 4] = [0.062, 0.0107, 0.0029, 0.0017];
 
 /// An element is cut if a kink may explain its error this many times over: near the
 /// bound, splitting is cheaper.
-const EXPLAINS: f64 = 4.0;
+const EXPLAINS: f64 = 3.0;
 
 /// What makes a node: its position, and the side it is approached from.
 type NodeKey = [u64; 4];
@@ -445,12 +445,7 @@ impl Field {
         if !self.knows_all_curves {
             return SmallVec::from_slice(&SECOND_POINTS);
         }
-        let mut kinks: SmallVec<[(f64, u32); 8]> = self.crossing[t]
-            .iter()
-            .map(|&c| (self.kink(t, c, allowed), c))
-            .filter(|k| k.0 > CALM_KINK)
-            .collect();
-        kinks.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let kinks = self.kinks_above(CALM_KINK, t, allowed);
         let mut points = SmallVec::from_slice(INNER_POINTS[usize::from(self.degree) - 1]);
         for (i, &(_, c)) in kinks.iter().take(3).enumerate() {
             // The strongest at two places: an element may be wide at one end only.
@@ -542,6 +537,18 @@ impl Field {
         worst
     }
 
+    /// The postponed curves through an element with a [`Field::kink`] above `least`,
+    /// the strongest first.
+    fn kinks_above(&self, least: f64, t: usize, allowed: &[f64]) -> SmallVec<[(f64, u32); 8]> {
+        let mut kinks: SmallVec<[(f64, u32); 8]> = self.crossing[t]
+            .iter()
+            .map(|&c| (self.kink(t, c, allowed), c))
+            .filter(|k| k.0 > least)
+            .collect();
+        kinks.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        kinks
+    }
+
     /// The largest [`Field::kink`] of the curves through an element.
     fn worst_kink(&self, t: usize, allowed: &[f64]) -> f64 {
         self.crossing[t]
@@ -589,17 +596,14 @@ impl Field {
             if *level == 0 || self.crossing[t].is_empty() {
                 continue;
             }
-            let excess = self.excess(t, &self.errors, allowed) * SAFETY;
-            let mut kinks: Vec<(f64, u32)> = self.crossing[t]
-                .iter()
-                .map(|&c| (self.kink(t, c, allowed), c))
-                .filter(|k| k.0 > 1.0)
-                .collect();
-            kinks.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            // Relative to the tolerance itself: where a curve matters, refinement aims
+            // at this share of it.
+            let error = self.excess(t, &self.errors, allowed) * KINK_SAFETY;
+            let kinks = self.kinks_above(1.0, t, allowed);
             let Some(strongest) = kinks.first() else {
                 continue;
             };
-            if strongest.0 < EXPLAINS * excess {
+            if strongest.0 < EXPLAINS * error {
                 continue;
             }
             let n = self.worth_cutting(&kinks);
@@ -1004,23 +1008,29 @@ impl Field {
         self.errors.resize(n * self.n_bands, 0.0);
         self.is_singular.resize(n, false);
         self.is_verified.resize(n, false);
+        let changed: Vec<usize> = (0..n)
+            .filter(|&t| before.get(t) != Some(&self.mesh.triangles[t]))
+            .collect();
+        // All new lists before any old one is replaced: parts share their origins.
+        let lists: Vec<Vec<u32>> = changed
+            .iter()
+            .map(|&t| {
+                let mut candidates: Vec<u32> = origins[t]
+                    .iter()
+                    .flat_map(|&o| self.crossing[o as usize].iter().copied())
+                    .collect();
+                if origins[t].len() > 1 {
+                    candidates.sort_unstable();
+                    candidates.dedup();
+                }
+                crossing(&self.mesh, t, &self.postponed, &candidates)
+            })
+            .collect();
         self.crossing.resize(n, Vec::new());
-        let old = self.crossing.clone();
-        for (t, origins) in origins.iter().enumerate() {
-            if before.get(t) == Some(&self.mesh.triangles[t]) {
-                continue;
-            }
+        for (t, list) in changed.into_iter().zip(lists) {
             self.is_verified[t] = false;
             self.element_nodes[t] = [u32::MAX; MOST_NODES];
-            let mut candidates: Vec<u32> = origins
-                .iter()
-                .flat_map(|&o| old[o as usize].iter().copied())
-                .collect();
-            if origins.len() > 1 {
-                candidates.sort_unstable();
-                candidates.dedup();
-            }
-            self.crossing[t] = crossing(&self.mesh, t, &self.postponed, &candidates);
+            self.crossing[t] = list;
         }
     }
 

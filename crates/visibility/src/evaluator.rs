@@ -9,6 +9,7 @@
 
 use crate::cone::{Approach, cone, distance_to_segment_sq};
 use crate::events::adjacency::Adjacency;
+use crate::events::shaft::supporting_plane;
 use crate::fragments::{Fragment, Fragments, HalfSpace, Position};
 use crate::lambert::contour_sum;
 use antumbra_scene::{Aabb, FaceId, PlaneId, Scene};
@@ -296,20 +297,8 @@ impl<'s> Evaluator<'s> {
             for i in 0..edges.len() {
                 let (p, q) = (edges[i], edges[(i + 1) % edges.len()]);
                 for &r in points {
-                    let Some(normal) = (q - p).cross(r - p).try_normalize() else {
-                        continue;
-                    };
-                    let offset = normal.dot(p);
-                    let (mut lo, mut hi) = (0.0f64, 0.0f64);
-                    for &x in a.iter().chain(b) {
-                        let d = normal.dot(x) - offset;
-                        (lo, hi) = (lo.min(d), hi.max(d));
-                    }
-                    if hi <= tolerance && lo < -tolerance {
-                        walls.push((normal, offset));
-                    } else if lo >= -tolerance && hi > tolerance {
-                        walls.push((-normal, -offset));
-                    }
+                    let all = a.iter().chain(b).copied();
+                    walls.extend(supporting_plane([p, q, r], all, tolerance));
                 }
             }
         }

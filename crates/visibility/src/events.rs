@@ -19,7 +19,7 @@ mod curve;
 mod joint;
 mod jump;
 mod roots;
-mod shaft;
+pub(crate) mod shaft;
 mod swath;
 mod tracer;
 

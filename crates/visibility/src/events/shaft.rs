@@ -1,8 +1,9 @@
 //! What may take part in an event between one receiver and one emitter.
 
 use crate::events::adjacency::Adjacency;
+use antumbra_geom::{Chart, point_in_polygon};
 use antumbra_scene::{Aabb, EdgeId, Face, FaceId, Scene, VertexId};
-use glam::{DVec3, DVec4};
+use glam::{DVec2, DVec3, DVec4};
 use smallvec::SmallVec;
 
 /// The features between a receiver and an emitter.
@@ -11,8 +12,7 @@ pub(crate) struct Shaft<'s> {
     pub(crate) lamp: &'s Face,
     /// Form of the emitter's plane, positive on its front.
     pub(crate) lamp_form: DVec4,
-    /// Loops of the emitter.
-    pub(crate) lamp_loops: Vec<Vec<DVec3>>,
+    pub(crate) lamp_region: Region,
     /// A convex outline in the emitter's plane that holds it.
     pub(crate) lamp_hull: Vec<DVec3>,
     /// A convex outline in the receiver's plane that holds it.
@@ -28,6 +28,27 @@ pub(crate) struct Shaft<'s> {
     pub(crate) vertices: Vec<VertexId>,
 }
 
+/// A face in its own chart.
+pub(crate) struct Region {
+    chart: Chart,
+    loops: Vec<Vec<DVec2>>,
+}
+
+impl Region {
+    pub(crate) fn of(scene: &Scene, face: FaceId) -> Self {
+        let chart = scene.chart(face);
+        Self {
+            loops: scene.loops_in_chart(face, &chart),
+            chart,
+        }
+    }
+
+    /// Is a point of the face's plane inside of the face?
+    pub(crate) fn contains(&self, x: DVec3) -> bool {
+        point_in_polygon(self.chart.to_chart(x), self.loops.iter().map(Vec::as_slice))
+    }
+}
+
 /// The form of the plane through a point with this unit normal.
 pub(crate) fn form(normal: DVec3, point: DVec3) -> DVec4 {
     normal.extend(-normal.dot(point))
@@ -41,8 +62,8 @@ pub(crate) fn convex_hull(scene: &Scene, id: FaceId) -> Vec<DVec3> {
         return scene.positions(&face.outline);
     }
     let chart = scene.chart(id);
-    let outline = chart_outline(scene, id);
-    let (min, max) = outline.iter().fold(
+    let loops = scene.loops_in_chart(id, &chart);
+    let (min, max) = loops[0].iter().fold(
         (glam::DVec2::INFINITY, glam::DVec2::NEG_INFINITY),
         |(min, max), &p| (min.min(p), max.max(p)),
     );
@@ -54,15 +75,6 @@ pub(crate) fn convex_hull(scene: &Scene, id: FaceId) -> Vec<DVec3> {
     ]
     .map(|p| chart.to_space(p))
     .to_vec()
-}
-
-fn chart_outline(scene: &Scene, id: FaceId) -> Vec<glam::DVec2> {
-    let chart = scene.chart(id);
-    let face = scene.face(id);
-    face.outline
-        .iter()
-        .map(|&v| chart.to_chart(scene.position(v)))
-        .collect()
 }
 
 impl<'s> Shaft<'s> {
@@ -95,7 +107,7 @@ impl<'s> Shaft<'s> {
             emitter,
             lamp,
             lamp_form: form(lamp.normal, scene.position(lamp.outline[0])),
-            lamp_loops: lamp.loops().map(|l| scene.positions(l)).collect(),
+            lamp_region: Region::of(scene, emitter),
             lamp_hull: convex_hull(scene, emitter),
             receiver_hull: convex_hull(scene, receiver),
             lamp_vertices,
@@ -156,6 +168,29 @@ pub(crate) fn turns(scene: &Scene, adjacency: &Adjacency, edge: EdgeId) -> Small
         .collect()
 }
 
+/// The plane through three points, as (outward unit normal, offset), if it has all of
+/// `points` on one side and some off it.
+pub(crate) fn supporting_plane(
+    [p, q, r]: [DVec3; 3],
+    points: impl Iterator<Item = DVec3>,
+    tolerance: f64,
+) -> Option<(DVec3, f64)> {
+    let normal = (q - p).cross(r - p).try_normalize()?;
+    let offset = normal.dot(p);
+    let (mut lo, mut hi) = (0.0f64, 0.0f64);
+    for x in points {
+        let d = normal.dot(x) - offset;
+        (lo, hi) = (lo.min(d), hi.max(d));
+    }
+    if hi <= tolerance && lo < -tolerance {
+        Some((normal, offset))
+    } else if lo >= -tolerance && hi > tolerance {
+        Some((-normal, -offset))
+    } else {
+        None
+    }
+}
+
 /// The planes around the convex hull of two point sets, as (outward normal,
 /// offset), and its box.
 pub(crate) struct Hull {
@@ -165,7 +200,7 @@ pub(crate) struct Hull {
 }
 
 impl Hull {
-    /// The hull of an edge (or, with equal ends, a vertex) and a convex outline.
+    /// The hull of an edge and a convex outline.
     pub(crate) fn of_edge_and_outline(
         [a, b]: [DVec3; 2],
         outline: &[DVec3],
@@ -173,30 +208,14 @@ impl Hull {
     ) -> Self {
         let bounds = Aabb::of(outline.iter().copied().chain([a, b]));
         let mut walls: SmallVec<[(DVec3, f64); 16]> = SmallVec::new();
-        let mut consider = |normal: DVec3, point: DVec3| {
-            let Some(normal) = normal.try_normalize() else {
-                return;
-            };
-            let offset = normal.dot(point);
-            let (mut lo, mut hi) = (0.0f64, 0.0f64);
-            for &x in outline.iter().chain([&a, &b]) {
-                let d = normal.dot(x) - offset;
-                (lo, hi) = (lo.min(d), hi.max(d));
-            }
-            if hi <= tolerance && lo < -tolerance {
-                walls.push((normal, offset));
-            } else if lo >= -tolerance && hi > tolerance {
-                walls.push((-normal, -offset));
-            }
-        };
+        let all = || outline.iter().copied().chain([a, b]);
+        let mut consider = |p, q, r| walls.extend(supporting_plane([p, q, r], all(), tolerance));
         let n = outline.len();
         for i in 0..n {
             let (p, q) = (outline[i], outline[(i + 1) % n]);
-            consider((q - p).cross(a - p), p);
-            if a != b {
-                consider((q - p).cross(b - p), p);
-                consider((b - a).cross(p - a), a);
-            }
+            consider(p, q, a);
+            consider(p, q, b);
+            consider(a, b, p);
         }
         Self {
             walls,

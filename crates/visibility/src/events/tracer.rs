@@ -5,7 +5,7 @@ use crate::events::adjacency::Adjacency;
 use crate::events::curve::{CriticalCurve, CurveEnd, Shape};
 use crate::events::jump::{JUMP_PLACES, jump_at};
 use crate::events::roots::Quadratic;
-use crate::events::shaft::{Shaft, form};
+use crate::events::shaft::{Region, Shaft, form};
 use crate::events::swath::{MovingPoint, Swath, finite};
 use crate::events::{CriticalCurves, Event, EventKind, EventKinds};
 use antumbra_scene::{Aabb, EdgeId, Face, FaceId, Scene, VertexId};
@@ -72,6 +72,7 @@ pub(crate) struct Tracer<'e, 's> {
     pub(crate) origin: DVec3,
     /// Loops of the receiver.
     pub(crate) loops: Vec<Vec<DVec3>>,
+    region: Region,
     bounds: Aabb,
     pub(crate) size: f64,
     pub(crate) contact_radius: f64,
@@ -96,6 +97,7 @@ impl<'e, 's> Tracer<'e, 's> {
             size: (bounds.max - bounds.min).length(),
             bounds,
             loops,
+            region: Region::of(scene, receiver),
             contact_radius,
             tolerance: scene.plane_tolerance(),
             result: CriticalCurves::default(),
@@ -473,8 +475,7 @@ impl<'e, 's> Tracer<'e, 's> {
             }
         }
         let has_emitter = generators.iter().any(|g| g.is_emitter);
-        is_inside(&self.loops, self.face.normal, x)
-            && (has_emitter || is_inside(&shaft.lamp_loops, shaft.lamp.normal, y))
+        self.region.contains(x) && (has_emitter || shaft.lamp_region.contains(y))
     }
 
     /// The parts of a part that other surfaces block.
@@ -782,33 +783,6 @@ impl<'e, 's> Tracer<'e, 's> {
     pub(crate) fn bounds(&self) -> Aabb {
         self.bounds
     }
-}
-
-/// Is a point of a plane inside a polygon with holes there?
-pub(crate) fn is_inside(loops: &[Vec<DVec3>], normal: DVec3, x: DVec3) -> bool {
-    let drop = normal.abs();
-    let flat = |p: DVec3| {
-        if drop.z >= drop.x && drop.z >= drop.y {
-            (p.x, p.y)
-        } else if drop.y >= drop.x {
-            (p.x, p.z)
-        } else {
-            (p.y, p.z)
-        }
-    };
-    let (px, py) = flat(x);
-    let mut inside = false;
-    for corners in loops {
-        let mut j = corners.len() - 1;
-        for i in 0..corners.len() {
-            let ((xi, yi), (xj, yj)) = (flat(corners[i]), flat(corners[j]));
-            if (yi > py) != (yj > py) && px < (xj - xi) * (py - yi) / (yj - yi) + xi {
-                inside = !inside;
-            }
-            j = i;
-        }
-    }
-    inside
 }
 
 /// Does the open segment from x to y pass through the inside of a convex polygon?
