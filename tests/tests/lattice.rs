@@ -1,122 +1,141 @@
 //! Random scenes on a lattice, where contacts, alignments and coplanar faces are the
-//! rule: no panic, sound meshes, no value below 0 or above that without occluders.
+//! rule: laws of exact light; no panic, sound meshes, no value below 0 or above that
+//! without occluders.
+//!
+//! `ANTUMBRA_SCENES` asks for more scenes, `ANTUMBRA_FIRST` for others.
 
-use antumbra::scene::SceneInput;
-use antumbra::{Control, Ended, Evaluator, EventKinds, Events, ExactLight, Options, Scene};
-use antumbra_tests::motion::Motion;
-use antumbra_tests::random::SplitMix;
-use antumbra_tests::scenes::{Facing, add, add_box, add_horizontal, empty, unoccluded};
-use glam::{DVec3, dvec3};
+use antumbra::scene::FaceId;
+use antumbra::solver::{Light, Sample};
+use antumbra::{
+    Control, Ended, Evaluator, EventKinds, Events, ExactLight, Options, ReceiverMesh, Scene,
+};
+use antumbra_tests::lattice::{lattice_scene, laws, varied_scene};
+use antumbra_tests::scenes::unoccluded;
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Scenes a run; `ANTUMBRA_SCENES` asks for more.
-fn n_scenes() -> u64 {
-    let asked = std::env::var("ANTUMBRA_SCENES").ok();
-    asked.and_then(|n| n.parse().ok()).unwrap_or(40)
+/// The numbers of the scenes of a run.
+fn numbers(usual: u64) -> std::ops::Range<u64> {
+    let number = |name: &str| std::env::var(name).ok().and_then(|n| n.parse().ok());
+    let first = number("ANTUMBRA_FIRST").unwrap_or(0);
+    first..first + number("ANTUMBRA_SCENES").unwrap_or(usual)
 }
 
-/// Up to five boxes and triangles with corners in multiples of 1/2, 1/4 or 1/8 under a
-/// square lamp, over a floor; some touch or pierce it and each other.
-fn lattice_scene(random: &mut SplitMix) -> SceneInput {
-    let mut scene = empty();
-    let floor = ([-2.0, 2.0], [-2.0, 2.0], 0.0);
-    add_horizontal(&mut scene, "floor", "grey", floor, Facing::Up);
-    let lamp = ([-0.5, 0.5], [-0.5, 0.5], 3.0);
-    add_horizontal(&mut scene, "lamp", "lamp", lamp, Facing::Down);
-    let q = [2.0, 4.0, 8.0][(random.bits() % 3) as usize];
-    let mut steps = |from: f64, to: f64| {
-        let n = ((to - from) * q) as u64 + 1;
-        from + (random.bits() % n) as f64 / q
-    };
-    let n = 1 + steps(0.0, 4.0 / q) as usize + (steps(0.0, 1.0) * q) as usize % 4;
-    for k in 0..n {
-        let corner = |steps: &mut dyn FnMut(f64, f64) -> f64| {
-            dvec3(steps(-1.0, 1.0), steps(-1.0, 1.0), steps(0.0, 2.0))
-        };
-        let a = corner(&mut steps);
-        if steps(0.0, 1.0) < 0.6 {
-            let one = 1.0 / q;
-            let size = dvec3(steps(one, 1.0), steps(one, 1.0), steps(one, 1.0));
-            add_box(&mut scene, &format!("box-{k}"), "grey", a, a + size);
-        } else {
-            let (b, c) = (corner(&mut steps), corner(&mut steps));
-            if (b - a).cross(c - a).length() > 0.0 {
-                add(&mut scene, &format!("triangle-{k}"), "grey", &[a, b, c]);
-            }
-        }
-    }
-    scene
-}
-
-#[test]
-fn meshes_of_lattice_scenes_are_sound_plain_and_rotated() {
-    let mut random = SplitMix::new(3);
-    let mut n_meshed = 0;
-    for i in 0..n_scenes() {
-        let plain = lattice_scene(&mut random);
-        let turned = Motion::rotation(dvec3(0.3, 0.5, 0.8), 0.7);
-        let input = if i % 2 == 0 {
-            plain
-        } else {
-            turned.scene(&plain)
-        };
-        // Overlaps that a person would be told of.
-        let Ok(built) = Scene::build(&input) else {
-            continue;
-        };
-        let scene = built.scene;
-        let events = if i % 3 == 0 {
-            Events::Kinds(EventKinds::ALL)
-        } else {
-            Events::OnDemand
-        };
-        let options = Options {
-            events,
-            ..Options::default()
-        };
-        let meshed = antumbra::mesh(&scene, &options, &Control::default())
-            .unwrap_or_else(|e| panic!("scene {i}: {e}"));
-        n_meshed += 1;
-        assert!(
-            matches!(
-                meshed.direct.ended,
-                Ended::ToleranceReached | Ended::ResolutionReached
-            ),
-            "scene {i}: {:?}",
-            meshed.direct.ended
-        );
-        let open = open_light(&input);
-        let evaluator = Evaluator::new(&open);
-        let light = ExactLight::new(&evaluator);
-        let mut scratch = antumbra::Scratch::default();
-        for mesh in &meshed.direct.receivers {
-            mesh.mesh
-                .check()
-                .unwrap_or_else(|e| panic!("scene {i}: {e}"));
-            let name = &scene.surface_of(mesh.face).name;
-            let face = open
-                .surface_named(name)
-                .map(|s| antumbra::scene::FaceId(open.surfaces[s.index()].faces.start));
-            for (uv, &e) in mesh.nodes.iter().zip(&mesh.direct) {
-                assert!(e >= 0.0 && e.is_finite(), "scene {i}: {e} on {name}");
-                let x: DVec3 = mesh.chart.to_space(*uv);
-                let x = open.frame.to_scene(scene.frame.to_file(x));
-                if let Some(face) = face {
-                    let most = light.at(face, x, &mut scratch)[0];
-                    assert!(e <= most + 1e-9, "scene {i}: {e} of {most} on {name}");
-                }
-            }
-        }
-    }
+/// Runs a check on all scenes; panics with the numbers of those that failed and how.
+fn on_all(usual: u64, check: impl Fn(u64) -> Result<bool, String> + Sync) {
+    let outcomes: Vec<(u64, Result<bool, String>)> = numbers(usual)
+        .into_par_iter()
+        .map(|number| {
+            let outcome = catch_unwind(AssertUnwindSafe(|| check(number)));
+            (
+                number,
+                outcome.unwrap_or_else(|_| Err("a panic".to_owned())),
+            )
+        })
+        .collect();
+    let n_accepted = outcomes.iter().filter(|(_, o)| *o != Ok(false)).count();
+    let failed: Vec<String> = outcomes
+        .iter()
+        .filter_map(|(n, o)| o.as_ref().err().map(|e| format!("scene {n}: {e}")))
+        .collect();
     assert!(
-        n_meshed * 10 >= n_scenes() * 9,
-        "{n_meshed} scenes were accepted"
+        failed.is_empty(),
+        "{} of {} scenes fail:\n{}",
+        failed.len(),
+        outcomes.len(),
+        failed[..failed.len().min(200)].join("\n")
+    );
+    assert!(
+        n_accepted * 10 >= outcomes.len() * 9,
+        "only {n_accepted} of {} scenes were accepted",
+        outcomes.len()
     );
 }
 
-/// The scene with the lamp and the floor alone.
-fn open_light(input: &SceneInput) -> Scene {
-    let open = unoccluded(input, &["floor"]);
-    Scene::build(&open)
-        .unwrap_or_else(|problems| panic!("{problems:?}"))
-        .scene
+#[test]
+fn laws_hold_on_lattice_scenes() {
+    on_all(1_000, |number| {
+        laws(&lattice_scene(number), number)
+            .map(|n| n.is_some())
+            .map_err(|broken| format!("{}: {}", broken.law, broken.what))
+    });
+}
+
+#[test]
+fn meshes_of_lattice_scenes_are_sound() {
+    on_all(100, mesh_is_sound);
+}
+
+/// Meshes a scene: no panic, sound triangles, values between 0 and those without
+/// occluders.
+fn mesh_is_sound(number: u64) -> Result<bool, String> {
+    let input = varied_scene(number);
+    let Ok(built) = Scene::build(&input) else {
+        return Ok(false);
+    };
+    let scene = built.scene;
+    let options = Options {
+        events: match number % 4 {
+            0 => Events::Kinds(EventKinds::ALL),
+            _ => Events::OnDemand,
+        },
+        tolerance: antumbra::Tolerance::Relative(3e-2),
+        ..Options::default()
+    };
+    let meshed =
+        antumbra::mesh(&scene, &options, &Control::default()).map_err(|e| e.to_string())?;
+    let ended = meshed.direct.ended;
+    if !matches!(ended, Ended::ToleranceReached | Ended::ResolutionReached) {
+        return Err(format!("ended with {ended:?}"));
+    }
+    for mesh in &meshed.direct.receivers {
+        mesh.mesh.check().map_err(|e| e.to_string())?;
+        let name = &scene.surface_of(mesh.face).name;
+        let open = Scene::build(&unoccluded(&input, &[name]))
+            .map_err(|problems| format!("{problems:?}"))?
+            .scene;
+        let evaluator = Evaluator::new(&open);
+        let light = ExactLight::new(&evaluator);
+        let mut scratch = antumbra::Scratch::default();
+        let Some(surface) = open.surface_named(name) else {
+            continue;
+        };
+        let face = FaceId(open.surfaces[surface.index()].faces.start);
+        for (uv, &e) in mesh.nodes.iter().zip(&mesh.direct) {
+            let x = mesh.chart.to_space(*uv);
+            let x = open.frame.to_scene(scene.frame.to_file(x));
+            let most = light.at(face, x, &mut scratch)[0] + 1e-9;
+            if e >= 0.0 && e <= most {
+                continue;
+            }
+            // Nodes that touch something lie on it, within the contact radius.
+            let limit = limit(mesh, face, x, &light) + 1e-6;
+            if !(e >= 0.0 && e <= limit) {
+                return Err(format!("{e} of {limit} on {name} at {x}"));
+            }
+        }
+    }
+    Ok(true)
+}
+
+/// The largest limit of `light` at a point, over directions of approach: where a lamp
+/// touches it, there is no value but limits. At a lamp's corner they take all values up
+/// to that of a lamp all over the sky.
+fn limit(mesh: &ReceiverMesh, face: FaceId, point: DVec3, light: &dyn Light) -> f64 {
+    let samples: Vec<Sample> = (0..360)
+        .map(|k| {
+            let (sin, cos) = (0.3 + f64::from(k)).to_radians().sin_cos();
+            let toward = Some(mesh.chart.direction(DVec2::new(cos, sin)));
+            Sample { point, toward }
+        })
+        .collect();
+    let values = [1e-9, 1e-7, 1e-6].map(|radius| light.irradiance(face, &samples, radius));
+    let (lo, hi) = values
+        .into_iter()
+        .flatten()
+        .fold((f64::INFINITY, 0.0), |(lo, hi), v: f64| {
+            (v.min(lo), v.max(hi))
+        });
+    if hi - lo > 1e-3 { 1.0 } else { hi }
 }

@@ -523,6 +523,11 @@ impl Field {
             (lo, hi) = (lo.min(d), hi.max(d));
         }
         let (width, corner) = (hi - lo, hi.min(-lo));
+        // Along an edge it is no kink, however strong: beside a contact jumps in the
+        // gradient have no bound.
+        if corner <= self.contact_radius {
+            return 0.0;
+        }
         let p = usize::from(self.degree) - 1;
         let size = match self.orders[postponed.curve as usize] {
             Order::D1 => (KINK_D1[p] * width).min(0.25 * corner),

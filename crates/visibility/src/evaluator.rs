@@ -558,13 +558,15 @@ impl<'s> Evaluator<'s> {
         list.iter().for_each(|&piece| add(piece, scratch));
         scratch.n_cones += scratch.cones.len() as u64;
 
-        let unoccluded: f64 = lit
+        let whole: f64 = lit
             .iter()
             .map(|&part| contour_sum(scratch.fragments.corners(part), view.normal))
             .sum();
+        // A source seen edge-on may give less than nothing by rounding.
+        let unoccluded = whole.max(0.0);
         if scratch.cones.is_empty() {
             scratch.visible.extend(lit);
-            return unoccluded.max(0.0);
+            return unoccluded;
         }
         let everything: smallvec::SmallVec<[u32; 32]> = (0..scratch.cones.len() as u32).collect();
         let mut hidden = Hidden::new(view.normal);
@@ -575,7 +577,7 @@ impl<'s> Evaluator<'s> {
         for &fragment in &scratch.visible {
             factor += contour_sum(scratch.fragments.corners(fragment), view.normal);
         }
-        hidden.audit(factor, unoccluded);
+        hidden.audit(factor, whole);
         if factor <= DARK * unoccluded {
             scratch.visible.clear();
             return 0.0;
