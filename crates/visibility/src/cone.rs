@@ -20,6 +20,37 @@ pub struct Approach {
     pub radius: f64,
 }
 
+impl Approach {
+    /// The slope at which the approach leaves a plane that the point touches; `None`
+    /// if the plane keeps its real height, because the point does not touch it or
+    /// because it runs along with the approach, as a table a hair above the floor does.
+    ///
+    /// Distances and slopes count within the receiver: a plane that is inclined by
+    /// 1e-9 to it leaves a contact as much as a wall does, but its height above a
+    /// point a metre from its trace is no rounding.
+    ///
+    /// * `normal` — of the plane; unit.
+    /// * `up` — of the receiver; unit.
+    /// * `height` — of the plane above the point, along `normal`.
+    /// * `rounding` — of `height`.
+    pub(crate) fn leaves(
+        &self,
+        normal: DVec3,
+        up: DVec3,
+        height: f64,
+        rounding: f64,
+    ) -> Option<f64> {
+        let touches = height.abs() <= self.radius;
+        if !touches {
+            return None;
+        }
+        let sine = (normal - up * up.dot(normal)).length();
+        let slope = normal.dot(self.toward);
+        (height.abs() <= (self.radius * sine).max(rounding) && slope.abs() > 1e-6 * sine)
+            .then_some(slope)
+    }
+}
+
 /// Rounding of one coordinate relative to the largest distance in play, with a
 /// margin for the handful of operations between input and decision.
 const RELATIVE_TOLERANCE: f64 = 16.0 * f64::EPSILON;
@@ -29,6 +60,7 @@ const RELATIVE_TOLERANCE: f64 = 16.0 * f64::EPSILON;
 ///
 /// * `corners` — a convex plane polygon, either orientation.
 /// * `normal` — its unit normal (counter-clockwise side).
+/// * `up` — the unit normal at the point.
 /// * `reach` — an upper bound of the distance of everything that will be cut.
 ///
 /// The first half-space is "beyond the polygon's plane"; the others are its
@@ -37,7 +69,7 @@ pub(crate) fn cone(
     out: &mut Vec<HalfSpace>,
     corners: &[DVec3],
     normal: DVec3,
-    point: DVec3,
+    (point, up): (DVec3, DVec3),
     approach: Option<&Approach>,
     reach: f64,
 ) -> usize {
@@ -46,11 +78,7 @@ pub(crate) fn cone(
     let edge_on = 8.0 * f64::EPSILON * (first.abs().max_element() + point.abs().max_element());
     let mut sign = height.signum();
     let tolerance = RELATIVE_TOLERANCE * reach;
-    let slope = approach.map_or(0.0, |a| normal.dot(a.toward));
-    let is_contact = approach.is_some_and(|a| height.abs() <= a.radius) && slope.abs() > 1e-6;
-    if is_contact {
-        // Only a plane that the approach leaves can be a contact: a plane that
-        // runs along with it (a table a hair above the floor) has its real height.
+    if let Some(slope) = approach.and_then(|a| a.leaves(normal, up, height, edge_on)) {
         height = 0.0;
         sign = -slope.signum();
     } else if height.abs() <= edge_on {

@@ -471,7 +471,8 @@ impl<'s> Evaluator<'s> {
         scratch.cones.clear();
         scratch.cone_corners.clear();
         scratch.visible.clear();
-        if view.plane == Some(source.plane) || !is_in_front(source, point, approach) {
+        if view.plane == Some(source.plane) || !is_in_front(source, (point, view.normal), approach)
+        {
             return 0.0;
         }
 
@@ -503,7 +504,12 @@ impl<'s> Evaluator<'s> {
         let point = approach.map_or(point, |a| self.settle(view.normal, list, point, a));
 
         // The source relative to the point, above the horizon.
-        let parts = relative_source(source, point, approach, &mut scratch.fragments);
+        let parts = relative_source(
+            source,
+            (point, view.normal),
+            approach,
+            &mut scratch.fragments,
+        );
         let reach = source
             .corners
             .iter()
@@ -538,7 +544,7 @@ impl<'s> Evaluator<'s> {
                 &mut scratch.halves,
                 corners,
                 occluder.normal,
-                point,
+                (point, view.normal),
                 approach,
                 reach,
             );
@@ -659,16 +665,19 @@ impl<'s> Evaluator<'s> {
 }
 
 /// Does the front of the source face the point (or the side it is approached from)?
-fn is_in_front(source: &Source<'_>, point: DVec3, approach: Option<&Approach>) -> bool {
+fn is_in_front(
+    source: &Source<'_>,
+    (point, up): (DVec3, DVec3),
+    approach: Option<&Approach>,
+) -> bool {
     let to_point = point - source.corners[0];
     let height = source.normal.dot(to_point);
-    if let Some(approach) = approach {
-        let slope = source.normal.dot(approach.toward);
-        if height.abs() <= approach.radius && slope.abs() > 1e-6 {
-            return slope > 0.0;
-        }
+    let most = to_point.abs().max_element().max(point.abs().max_element());
+    let rounding = 8.0 * f64::EPSILON * most;
+    match approach.and_then(|a| a.leaves(source.normal, up, height, rounding)) {
+        Some(slope) => slope > 0.0,
+        None => height > rounding,
     }
-    height > 8.0 * f64::EPSILON * to_point.abs().max_element().max(point.abs().max_element())
 }
 
 /// The source relative to the point, as convex fragments. Where the source touches
@@ -677,7 +686,7 @@ fn is_in_front(source: &Source<'_>, point: DVec3, approach: Option<&Approach>) -
 /// source that has the point inside is a fan around that direction.
 fn relative_source(
     source: &Source<'_>,
-    point: DVec3,
+    (point, up): (DVec3, DVec3),
     approach: Option<&Approach>,
     fragments: &mut Fragments,
 ) -> smallvec::SmallVec<[Fragment; 4]> {
@@ -688,8 +697,10 @@ fn relative_source(
     };
     // A source whose plane touches the point has the point in its plane.
     let height = source.normal.dot(corners[0]);
-    let touches_plane =
-        height.abs() <= approach.radius && source.normal.dot(approach.toward) > 1e-6;
+    let rounding = 8.0 * f64::EPSILON * point.abs().max_element();
+    let touches_plane = approach
+        .leaves(source.normal, up, height, rounding)
+        .is_some_and(|slope| slope > 0.0);
     if touches_plane {
         for corner in &mut corners {
             *corner -= source.normal * source.normal.dot(*corner);

@@ -569,18 +569,18 @@ fn check_counts(loops: &[Vec<u32>]) -> Result<(), Refusal> {
         } else {
             format!("hole {k} has")
         };
-        let needed = "at least 3 are needed";
         if n < 3 {
             return Err(Refusal::Bad(
                 "too-few-vertices",
-                format!("{what} {}, {needed}", counted(n, "vertex", "vertices")),
+                format!(
+                    "{what} {}, at least 3 are needed",
+                    counted(n, "vertex", "vertices")
+                ),
             ));
         }
-        if distinct.len() < 3 {
-            return Err(Refusal::Bad(
-                "too-few-vertices",
-                format!("{what} {n} vertices in {} places, {needed}", distinct.len()),
-            ));
+        // Holes without area are dropped with their collinear corners.
+        if k == 0 && distinct.len() < 3 {
+            return Err(Refusal::Empty);
         }
     }
     Ok(())
