@@ -401,6 +401,21 @@ fn the_border_does_not_move_for_curves_beside_it() {
     );
 }
 
+/// Corner 1 of the border is welded to corner 0, and corner 2 is nearer to it.
+#[test]
+fn a_curve_from_a_welded_corner_of_the_border_starts_where_that_went() {
+    let pixel = 2.0_f64.powi(-28);
+    let corners = [0.0, 3.0 * pixel, 5.0 * pixel, 1.0].map(|x| dvec2(x, 0.0));
+    let border = [corners.as_slice(), &[dvec2(1.0, 1.0), dvec2(0.0, 1.0)]].concat();
+    let curves = [outline(&border), segment(corners[1], dvec2(0.5, 0.5))];
+    let (arrangement, _) = meshed(&curves);
+    assert_eq!(arrangement.pixel, pixel);
+    let at = |p: DVec2| arrangement.vertices.iter().position(|&v| v == p).unwrap() as u32;
+    let ends = [at(corners[0]), at(dvec2(0.5, 0.5))];
+    let edge = arrangement.edges.iter().find(|e| e.ends == ends).unwrap();
+    assert_eq!(arrangement.sets.get(edge.curves), [1]);
+}
+
 #[test]
 fn points_keep_their_coordinates() {
     let (a, b) = (dvec2(0.1, 0.2), dvec2(-0.3, 1.0 / 3.0));
