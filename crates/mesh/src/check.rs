@@ -15,9 +15,10 @@ use crate::trimesh::TriMesh;
 /// Pixels are smaller than this, so that no product of two differences overflows.
 const LARGEST_PIXEL: i64 = 1 << 48;
 
-/// How far a vertex may be from the centre of its pixel in each axis, in pixels:
-/// half of one, and what puts a point on the border (`nodes.rs`).
-const IN_PIXEL: f64 = 0.5 + 1.0 / 32.0;
+/// How far a vertex may be from the centre of its pixel in each axis, in pixels: half
+/// of one, half of the largest fine unit, and what puts a point on the border
+/// (`nodes.rs`).
+const IN_PIXEL: f64 = 0.5 + 1.0 / 32.0 + 1.0 / 64.0;
 
 /// So many edges of the border are looked at from both sides.
 const MOST_SAMPLES: usize = 1000;
