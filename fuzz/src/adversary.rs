@@ -88,13 +88,13 @@ pub fn scene(choices: &mut Choices<'_>) -> SceneInput {
     let mut n = 0;
     while choices.are_left() && n < 6 {
         n += 1;
-        let mut steps = |choices: &mut Choices<'_>, from: f64, to: f64| {
+        let steps = |choices: &mut Choices<'_>, from: f64, to: f64| {
             let x = from + choices.below(((to - from) * q) as usize + 1) as f64 / q;
             // Beside the lattice by some roundings of a number of size 1.
             let beside = [0.0, 1.0, -1.0][if ulps > 0 { choices.below(3) } else { 0 }];
             x + beside * f64::from(ulps) * f64::EPSILON
         };
-        let mut corner = |choices: &mut Choices<'_>| {
+        let corner = |choices: &mut Choices<'_>| {
             dvec3(
                 steps(choices, -1.0, 1.0),
                 steps(choices, -1.0, 1.0),
