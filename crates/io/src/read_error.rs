@@ -21,7 +21,7 @@ impl ReadError {
         Self {
             line: Some(line),
             column: None,
-            message: message.into(),
+            message: one_line(&message.into()),
         }
     }
 
@@ -30,9 +30,23 @@ impl ReadError {
         Self {
             line: None,
             column: None,
-            message: message.into(),
+            message: one_line(&message.into()),
         }
     }
+}
+
+/// The text with line ends and other control characters written as escapes:
+/// messages quote what stands in files, and are one line.
+pub(crate) fn one_line(text: &str) -> String {
+    let mut line = String::with_capacity(text.len());
+    for c in text.chars() {
+        if c.is_control() {
+            line.extend(c.escape_default());
+        } else {
+            line.push(c);
+        }
+    }
+    line
 }
 
 fn place(line: Option<usize>, column: Option<usize>) -> String {

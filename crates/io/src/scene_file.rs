@@ -15,6 +15,7 @@
 //! Numbers survive a round trip bit for bit.
 
 use crate::ReadError;
+use crate::read_error::one_line;
 use antumbra_scene::{LengthUnit, MaterialInput, Quantity, SceneInput, SurfaceInput};
 use glam::DVec3;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -126,7 +127,7 @@ fn read_error(error: &serde_json::Error) -> ReadError {
     let message = text.strip_suffix(&place).unwrap_or(&text).to_owned();
     let message = match message.as_str() {
         "number out of range" => "a number is too large (allowed up to 1.8e308)".to_owned(),
-        _ => message,
+        _ => one_line(&message),
     };
     ReadError {
         line: Some(error.line()),

@@ -49,3 +49,17 @@ fn rejected_scenes_end_in_an_error_that_names_the_culprit() {
     }
     assert!(n >= 22, "only {n} cases found");
 }
+
+#[test]
+fn a_message_is_one_line_whatever_it_quotes() {
+    let texts = [
+        r#"{ "an\ntumbra": 1 }"#,
+        r#"{ "antumbra": 1, "length_unit": "\u001b[2Jm\r\n" }"#,
+    ];
+    for text in texts {
+        let message = scene_file::read(text).unwrap_err().to_string();
+        assert!(!message.contains(char::is_control), "{message:?}");
+    }
+    let message = scene_file::read(texts[0]).unwrap_err().to_string();
+    assert!(message.contains(r"`an\ntumbra`"), "{message}");
+}

@@ -1,15 +1,12 @@
 //! The arrangement of the curves on a receiver: edges that meet only in vertices.
 
-use std::collections::BTreeMap;
-
 use glam::{DVec2, dvec2};
 use smallvec::SmallVec;
 
-use crate::grid::Grid;
 use crate::lines::{Piece, Segment, cut_lines, merge_pieces};
 use crate::nodes::{Frame, InputPoint, Node, Nodes, weld_points};
 use crate::sets::{CurveSets, SetId};
-use crate::snap::{Chains, Fine, MAX_FINE_BITS, cross, crosses, pixel_of, snap_round};
+use crate::snap::{Chains, Fine, MAX_FINE_BITS, pixel_of, snap_round};
 
 /// What a curve does to the irradiance of the receiver it lies on.
 ///
@@ -152,6 +149,7 @@ pub fn arrange(curves: &[TaggedCurve], options: &ArrangementOptions) -> Arrangem
         let Some(frame) = choose_frame(&valid, bits) else {
             return Arrangement {
                 pixel: 1.0,
+                tolerance: 1.0,
                 report: ArrangementReport {
                     n_curves: curves.len(),
                     n_skipped: curves.len(),
@@ -388,144 +386,4 @@ fn chain_edges(pieces: &[Piece], chains: &Chains, sets: &mut CurveSets) -> Vec<A
             separates: l.toggles,
         })
         .collect()
-}
-
-impl Arrangement {
-    /// Checks everything an arrangement promises.
-    ///
-    /// No two edges cross, no vertex lies on an edge, and every curve is a chain of
-    /// edges that carry its id and lie within [`tolerance`](Self::tolerance) of it.
-    ///
-    /// # Errors
-    ///
-    /// The first broken promise, for people.
-    pub fn check(&self, curves: &[TaggedCurve]) -> Result<(), String> {
-        self.check_order()?;
-        self.check_noded()?;
-        self.check_curves(curves)
-    }
-
-    fn check_order(&self) -> Result<(), String> {
-        if self.pixels.len() != self.vertices.len() || !self.pixels.is_sorted_by(|a, b| a < b) {
-            return Err("pixels are not distinct and ascending".into());
-        }
-        if !self.edges.is_sorted_by(|a, b| a.ends < b.ends) {
-            return Err("edges are not distinct and ascending".into());
-        }
-        for (v, (&p, &pixel)) in self.vertices.iter().zip(&self.pixels).enumerate() {
-            let centre = self.origin + to_f64(pixel) * self.pixel;
-            if p.distance(centre) > self.pixel {
-                return Err(format!("vertex {v} at {p} is not in its pixel at {centre}"));
-            }
-        }
-        Ok(())
-    }
-
-    fn check_noded(&self) -> Result<(), String> {
-        let ends: Vec<[Fine; 2]> = self
-            .edges
-            .iter()
-            .map(|e| e.ends.map(|v| self.pixels[v as usize]))
-            .collect();
-        let segments: Vec<[DVec2; 2]> = ends.iter().map(|e| e.map(to_f64)).collect();
-        let grid = Grid::of_segments(&segments, 0.01);
-        for cell in 0..grid.n_cells() {
-            let items = grid.items(cell);
-            for (n, &i) in items.iter().enumerate() {
-                for &j in &items[n + 1..] {
-                    if crosses(ends[i as usize], ends[j as usize]) {
-                        return Err(format!("edges {i} and {j} cross"));
-                    }
-                }
-            }
-        }
-        let points: Vec<DVec2> = self.pixels.iter().map(|&p| to_f64(p)).collect();
-        let grid = Grid::of_points(&points);
-        for (e, &[a, b]) in ends.iter().enumerate() {
-            let mut found = None;
-            grid.walk(to_f64(a), to_f64(b), 0.01, &mut |cell| {
-                for &v in grid.items(cell) {
-                    let p = self.pixels[v as usize];
-                    let (d, to_p) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
-                    let in_box = (0..2).all(|k| a[k].min(b[k]) <= p[k] && p[k] <= a[k].max(b[k]));
-                    if in_box && p != a && p != b && cross(d, to_p) == 0 {
-                        found = Some(v);
-                    }
-                }
-            });
-            if let Some(v) = found {
-                return Err(format!("vertex {v} lies on edge {e}"));
-            }
-        }
-        Ok(())
-    }
-
-    fn check_curves(&self, curves: &[TaggedCurve]) -> Result<(), String> {
-        let mut edges_of: BTreeMap<u32, Vec<[DVec2; 2]>> = BTreeMap::new();
-        for edge in &self.edges {
-            let ends = edge.ends.map(|v| to_f64(self.pixels[v as usize]));
-            for &curve in self.sets.get(edge.curves) {
-                edges_of.entry(curve).or_default().push(ends);
-            }
-        }
-        let frame = Frame {
-            origin: self.origin,
-            pixel: self.pixel,
-        };
-        for (id, curve) in (0..).zip(curves) {
-            if !is_bounded(curve) {
-                continue;
-            }
-            let points: Vec<DVec2> = curve.points.iter().map(|&p| frame.to_pixels(p)).collect();
-            let edges = edges_of.get(&id).map_or(&[][..], |e| e);
-            check_curve(&points, edges, self.tolerance).map_err(|e| format!("curve {id}: {e}"))?;
-        }
-        Ok(())
-    }
-}
-
-/// Do the edges cover the polyline, and are they all near it?
-fn check_curve(points: &[DVec2], edges: &[[DVec2; 2]], tolerance: f64) -> Result<(), String> {
-    let mut is_near = vec![false; edges.len()];
-    for (k, pair) in points.windows(2).enumerate() {
-        let (a, length) = (pair[0], pair[0].distance(pair[1]));
-        let direction = (pair[1] - a).normalize_or_zero();
-        let mut covered: Vec<[f64; 2]> = Vec::new();
-        for (e, ends) in edges.iter().enumerate() {
-            let along = ends.map(|p| direction.dot(p - a));
-            let is_close = (0..2).all(|i| {
-                let foot = a + along[i].clamp(0.0, length) * direction;
-                ends[i].distance(foot) <= tolerance
-            });
-            if is_close {
-                is_near[e] = true;
-                covered.push([along[0].min(along[1]), along[0].max(along[1])]);
-            }
-        }
-        if length <= 2.0 * tolerance {
-            continue;
-        }
-        covered.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let mut reached = tolerance;
-        for [from, to] in covered {
-            // Neighbouring edges share a vertex; this is rounding.
-            if from > reached + 1e-3 {
-                break;
-            }
-            reached = reached.max(to);
-        }
-        if reached < length - tolerance {
-            return Err(format!(
-                "segment {k} of {length} pixels is covered up to {reached}"
-            ));
-        }
-    }
-    match is_near.iter().position(|near| !near) {
-        Some(e) => Err(format!("edge at {} is not near", edges[e][0])),
-        None => Ok(()),
-    }
-}
-
-fn to_f64(pixel: [i64; 2]) -> DVec2 {
-    dvec2(pixel[0] as f64, pixel[1] as f64)
 }

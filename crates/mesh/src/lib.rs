@@ -9,6 +9,7 @@
 
 mod arrange;
 mod bisect;
+mod check;
 mod cut;
 mod grid;
 mod lines;

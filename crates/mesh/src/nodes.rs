@@ -58,7 +58,7 @@ pub(crate) struct Nodes {
 /// other points within `snap` pixels of a segment of the border, which are moved
 /// onto it: the border does not bend. `outline` are the border's segments, as
 /// pairs of point indices. Nodes are numbered by coordinates within their kind,
-/// whatever the order of the points.
+/// whatever the order of the points. Points with the same coordinates are one.
 pub(crate) fn weld_points(
     points: &[InputPoint],
     outline: &[[u32; 2]],
@@ -71,7 +71,18 @@ pub(crate) fn weld_points(
         .filter(|&i| points[i].is_boundary)
         .map(|i| Candidate::at(i, points[i].chart, frame.to_pixels(points[i].chart), 0))
         .collect();
+    // A point that is one of the border's is where that went, though nodes that came
+    // after it may be nearer.
+    let position_bits = |p: DVec2| (p + DVec2::ZERO).to_array().map(f64::to_bits);
+    let border_positions: Vec<(usize, [u64; 2])> = boundary
+        .iter()
+        .map(|c| (c.point, position_bits(c.position)))
+        .collect();
     welder.add_all(boundary);
+    let of_border: HashMap<[u64; 2], u32> = border_positions
+        .into_iter()
+        .map(|(point, bits)| (bits, welder.nodes.of_point[point]))
+        .collect();
 
     let of_point = &welder.nodes.of_point;
     let mut segments: Vec<[u32; 2]> = outline
@@ -88,11 +99,16 @@ pub(crate) fn weld_points(
         .collect();
     let grid = Grid::of_segments(&segments, snap);
 
+    let mut on_border: Vec<(usize, u32)> = Vec::new();
     let inner: Vec<Candidate> = (0..points.len())
         .filter(|&i| !points[i].is_boundary)
-        .map(|i| {
+        .filter_map(|i| {
             let chart = points[i].chart;
             let position = frame.to_pixels(chart);
+            if let Some(&node) = of_border.get(&position_bits(position)) {
+                on_border.push((i, node));
+                return None;
+            }
             if welder.find(position).is_none()
                 && let Some(foot) = foot_on_outline(&segments, &grid, position, snap)
             {
@@ -103,12 +119,15 @@ pub(crate) fn weld_points(
                 } else {
                     frame.to_chart(foot)
                 };
-                return Candidate::at(i, chart, foot, 0);
+                return Some(Candidate::at(i, chart, foot, 0));
             }
-            Candidate::at(i, chart, position, 1)
+            Some(Candidate::at(i, chart, position, 1))
         })
         .collect();
     welder.add_all(inner);
+    for (point, node) in on_border {
+        welder.nodes.of_point[point] = node;
+    }
     welder.nodes
 }
 

@@ -147,7 +147,7 @@ fn crossing_pixel(s: [Fine; 2], t: [Fine; 2], sub_bits: u32) -> Option<[i64; 2]>
 }
 
 /// Do the segments cross in a point that is an end of neither?
-pub(crate) fn crosses(s: [Fine; 2], t: [Fine; 2]) -> bool {
+fn crosses(s: [Fine; 2], t: [Fine; 2]) -> bool {
     let opposite = |[a, b]: [Fine; 2], [p, q]: [Fine; 2]| {
         let d = minus(b, a);
         cross(d, minus(p, a)).signum() * cross(d, minus(q, a)).signum() < 0
@@ -259,7 +259,7 @@ fn minus(a: Fine, b: Fine) -> Fine {
 }
 
 /// The cross product of two differences.
-pub(crate) fn cross(d: Fine, e: Fine) -> i128 {
+fn cross(d: Fine, e: Fine) -> i128 {
     i128::from(d[0]) * i128::from(e[1]) - i128::from(d[1]) * i128::from(e[0])
 }
 

@@ -21,7 +21,7 @@ fn arranged(curves: &[TaggedCurve]) -> Arrangement {
 fn meshed(curves: &[TaggedCurve]) -> (Arrangement, TriMesh) {
     let arrangement = arranged(curves);
     let mesh = TriMesh::new(&arrangement, curves).unwrap();
-    mesh.check().unwrap();
+    mesh.check_against(&arrangement).unwrap();
     (arrangement, mesh)
 }
 
@@ -217,6 +217,164 @@ fn crossings_that_break_floating_point_do_not_break_the_arrangement() {
     }
 }
 
+/// Segments as reported to spade (MIT or Apache-2.0) for panics of
+/// `add_constraint_and_split`, and those of its own tests for it.
+/// Those of issues 124 and 130 are not published with coordinates we could find.
+#[test]
+fn segments_that_made_spade_panic_are_arranged() {
+    const E: f64 = 18.69314193725586;
+    const F: f64 = 19.589109420776367;
+    const G: f64 = 19.507659912109375;
+    const H: f64 = 20.40362548828125;
+    const I: f64 = 17.878625869750977;
+    const J: f64 = 18.774595260620117;
+    const K: f64 = 20.322175979614258;
+    const L: f64 = 21.218143463134766;
+    const M: f64 = 15.435077667236328;
+    const N: f64 = 16.331045150756836;
+    let segments: [(&str, &[[f64; 4]]); 5] = [
+        (
+            "issue 107",
+            &[
+                [
+                    0.9296344883099084,
+                    0.03071359966930065,
+                    0.26031306872107085,
+                    0.34491289915959455,
+                ],
+                [
+                    0.7384289920396423,
+                    0.4981747664368982,
+                    0.06543525273452533,
+                    0.34139896206401854,
+                ],
+                [
+                    0.9535295221136963,
+                    0.9114305148801416,
+                    0.8306091165247367,
+                    0.08959389670590667,
+                ],
+                [
+                    0.9081582053528728,
+                    0.4974568601123005,
+                    0.5138795569454557,
+                    0.3186272217036502,
+                ],
+            ],
+        ),
+        (
+            "issue 109",
+            &[
+                [17.064112, -17.96008, 16.249594, -17.145563],
+                [-25.290726, -24.435482, -5.6608872, -24.435482],
+                [17.878626, -18.774595, 15.435078, -16.331045],
+                [16.331045, -21.951208, -3.29879, -24.435482],
+            ],
+        ),
+        ("issue 111", &[[E, F, E, H], [G, H, I, J], [K, L, M, N]]),
+        (
+            "issue 113",
+            &[
+                [7.9910984, -59.344463, 15.484455, -48.762936],
+                [15.484455, -48.762936, -11.673287, -28.37192],
+                [-11.673287, -28.37192, -16.214716, -43.81278],
+                [-16.214716, -43.81278, -3.657666, -51.41967],
+                [-3.657666, -51.41967, 7.9910984, -59.344463],
+                [7.4022045, -51.355137, -13.92232, -36.01863],
+            ],
+        ),
+        (
+            "issue 116",
+            &[[M, N, K, L], [E, F, G, H], [G, L, G, H], [I, J, G, H]],
+        ),
+    ];
+    // Points of polylines, which found what issue 115 is about.
+    let polylines: [&[[f64; 2]]; 6] = [
+        &[
+            [1.0, 1.0],
+            [63.137257, 87.04635],
+            [1.0, 37.488983],
+            [59.171143, 97.93353],
+            [68.78571, 71.541046],
+        ],
+        &[
+            [12.645211, 67.07809],
+            [49.93318, 15.726259],
+            [22.433575, 53.597496],
+            [6.3033395, 32.111538],
+            [89.09958, 1.0720834],
+        ],
+        &[
+            [32.944817, 13.24526],
+            [91.99222, 22.252642],
+            [12.645211, 67.07809],
+            [49.93318, 15.726259],
+            [22.433575, 53.597496],
+            [6.3033395, 32.111538],
+            [89.09958, 1.0720834],
+        ],
+        &[
+            [43.44877, 78.04408],
+            [15.193367, 1.0],
+            [1.0, 1.0],
+            [1.0, 1.0],
+            [41.485252, 91.78975],
+            [49.090862, 1.0],
+            [43.498154, 81.00147],
+            [1.0, 1.0],
+            [23.288902, 97.52936],
+            [75.59119, 42.91933],
+            [25.808325, 97.32154],
+        ],
+        &[
+            [17.315233, 1.0],
+            [36.59658, 1.0],
+            [1.0, 62.270954],
+            [1.0, 1.0],
+            [38.64656, 24.732662],
+        ],
+        &[
+            [57.128956, 53.16448],
+            [78.60271, 71.51385],
+            [94.13138, 1.0],
+            [1.0, 1.0],
+            [65.829636, 82.399826],
+            [84.53016, 25.01849],
+            [1.0, 1.0],
+            [52.712097, 98.32006],
+            [77.15014, 51.253986],
+            [94.362755, 59.469707],
+            [44.423584, 69.76751],
+            [1.0, 1.0],
+            [72.84374, 64.58434],
+            [27.416088, 88.37326],
+        ],
+    ];
+    let cases = segments.iter().map(|(name, segments)| {
+        let lines = segments.iter();
+        let lines = lines.map(|s| segment(dvec2(s[0], s[1]), dvec2(s[2], s[3])));
+        (*name, lines.collect::<Vec<TaggedCurve>>())
+    });
+    let lines = polylines.iter().map(|points| {
+        let points: Vec<DVec2> = points.iter().map(|&p| p.into()).collect();
+        ("polyline", vec![curve(&points, Order::D1)])
+    });
+    for (name, lines) in cases.chain(lines) {
+        // Also with coordinates of single precision, as most were reported.
+        let mut rounded = lines.clone();
+        for p in rounded.iter_mut().flat_map(|c| &mut c.points) {
+            *p = p.as_vec2().as_dvec2();
+        }
+        for lines in [lines, rounded] {
+            let curves: Vec<TaggedCurve> = [square(128.0)].into_iter().chain(lines).collect();
+            let (_, mesh) = meshed(&curves);
+            let error = (mesh.total_area() - 256.0 * 256.0).abs();
+            assert!(error < 1e-3, "{name}: {error}");
+            assert_order_makes_no_difference(&curves, &mut Rng::new(4));
+        }
+    }
+}
+
 /// Lines between lattice points in many directions: most crossings are of several lines.
 fn box_grid(n: i32) -> Vec<TaggedCurve> {
     let mut curves = vec![outline(&[
@@ -399,6 +557,21 @@ fn the_border_does_not_move_for_curves_beside_it() {
             .iter()
             .all(|p| p.abs().max_element() == 1.0)
     );
+}
+
+/// Corner 1 of the border is welded to corner 0, and corner 2 is nearer to it.
+#[test]
+fn a_curve_from_a_welded_corner_of_the_border_starts_where_that_went() {
+    let pixel = 2.0_f64.powi(-28);
+    let corners = [0.0, 3.0 * pixel, 5.0 * pixel, 1.0].map(|x| dvec2(x, 0.0));
+    let border = [corners.as_slice(), &[dvec2(1.0, 1.0), dvec2(0.0, 1.0)]].concat();
+    let curves = [outline(&border), segment(corners[1], dvec2(0.5, 0.5))];
+    let (arrangement, _) = meshed(&curves);
+    assert_eq!(arrangement.pixel, pixel);
+    let at = |p: DVec2| arrangement.vertices.iter().position(|&v| v == p).unwrap() as u32;
+    let ends = [at(corners[0]), at(dvec2(0.5, 0.5))];
+    let edge = arrangement.edges.iter().find(|e| e.ends == ends).unwrap();
+    assert_eq!(arrangement.sets.get(edge.curves), [1]);
 }
 
 #[test]

@@ -5,20 +5,63 @@ mod common;
 
 use std::time::Instant;
 
-use antumbra_mesh::{ArrangementOptions, Locator, Order, TriMesh, arrange, shape_quality};
+use antumbra_mesh::{
+    Arrangement, ArrangementOptions, Cut, Locator, Order, TriMesh, arrange, shape_quality,
+};
 use common::{FAMILIES, Rng, family, outline, segment, square};
 use glam::{DVec2, dvec2};
 
 fn mesh_of(name: &str, n: usize, noise: f64, seed: u64) -> TriMesh {
+    arranged_mesh_of(name, n, noise, seed).1
+}
+
+fn arranged_mesh_of(name: &str, n: usize, noise: f64, seed: u64) -> (Arrangement, TriMesh) {
     let curves = family(name, n, noise, &mut Rng::new(seed));
-    TriMesh::new(&arrange(&curves, &ArrangementOptions::default()), &curves).unwrap()
+    let arrangement = arrange(&curves, &ArrangementOptions::default());
+    let mesh = TriMesh::new(&arrangement, &curves).unwrap();
+    (arrangement, mesh)
+}
+
+/// Curves and lines that run beside edges, in all triangles or some, between bisections.
+#[test]
+fn random_cuts_keep_all_promises_and_the_area() {
+    for (seed, name) in (0..).zip(FAMILIES) {
+        let (arrangement, mut mesh) = arranged_mesh_of(name, 8, 1e-9, seed);
+        let mut rng = Rng::new(seed + 200);
+        let area = mesh.total_area();
+        for round in 0..8 {
+            let n = mesh.triangles.len();
+            let mut cut = || {
+                let v = mesh.vertices[rng.below(mesh.vertices.len())];
+                let from = [v, rng.point(), v + 1e-7 * rng.point()][rng.below(3)];
+                let to = mesh.vertices[rng.below(mesh.vertices.len())];
+                let cut = Cut {
+                    ends: [from, [to, rng.point()][rng.below(2)]],
+                    curve: 100 + round,
+                    order: Order::D2,
+                };
+                let some = 1 + rng.below(3);
+                let wanted = (0..n as u32).filter(|_| rng.below(some) == 0);
+                (cut, wanted.collect::<Vec<u32>>())
+            };
+            let cuts = [cut(), cut()];
+            let origins = mesh.cut(&cuts);
+            assert_eq!(origins.len(), mesh.triangles.len());
+            mesh.check_against(&arrangement)
+                .unwrap_or_else(|e| panic!("{name}, {round}: {e}"));
+            let error = (mesh.total_area() - area).abs();
+            assert!(error < 1e-12, "{name}, {round}: {error}");
+            mesh.bisect(&[0, (n / 2) as u32]);
+            mesh.check_against(&arrangement).unwrap();
+        }
+    }
 }
 
 #[test]
 fn random_bisections_keep_all_promises_and_the_area() {
     for (seed, name) in (0..).zip(FAMILIES) {
         for noise in [0.0, 1e-9] {
-            let mut mesh = mesh_of(name, 12, noise, seed);
+            let (arrangement, mut mesh) = arranged_mesh_of(name, 12, noise, seed);
             let mut rng = Rng::new(seed + 100);
             let area = mesh.total_area();
             for _ in 0..20 {
@@ -26,7 +69,7 @@ fn random_bisections_keep_all_promises_and_the_area() {
                 let n = mesh.triangles.len();
                 let marked: Vec<u32> = (0..1 + n / 20).map(|_| rng.below(n) as u32).collect();
                 let parents = mesh.bisect(&marked);
-                mesh.check().unwrap();
+                mesh.check_against(&arrangement).unwrap();
                 assert!((mesh.total_area() - area).abs() < 1e-12);
 
                 // Parts make up their parents; what is whole has not changed.

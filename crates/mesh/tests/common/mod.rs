@@ -1,6 +1,8 @@
 //! Curves to test with.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses a part")]
 
+pub mod adversary;
+
 use antumbra_mesh::{Order, TaggedCurve};
 use glam::{DVec2, dvec2};
 
