@@ -531,8 +531,13 @@ impl<'a> Parser<'a> {
         }
         let n_obstructions = self.surfaces.iter().filter(|s| s.is_obstruction).count();
         if n_obstructions > 0 {
+            let are = if n_obstructions == 1 {
+                "obstruction (O) is"
+            } else {
+                "obstructions (O) are"
+            };
             notes.push(format!(
-                "{n_obstructions} obstructions (O) are black: they block light and reflect none"
+                "{n_obstructions} {are} black: light is blocked and none reflected"
             ));
         }
         if self.n_raised > 0 {

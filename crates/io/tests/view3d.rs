@@ -110,3 +110,86 @@ fn broken_examples_are_refused_with_the_line() {
         assert!(error.message.contains(what), "{error}");
     }
 }
+
+#[test]
+fn hostile_files_end_in_an_error_with_its_line() {
+    for (name, line, what) in [
+        (
+            "vertex-missing",
+            7,
+            "vertex 9 as a corner, but the file has 4 vertices",
+        ),
+        ("zero-vertex", 7, "vertex 0 as corner 2"),
+        ("too-few-columns", 7, "surface 1 has 6 columns"),
+        ("emittance-above-one", 7, "emittance 90 (allowed 0 to 1)"),
+        ("no-number-of-one", 7, "'3.5' is no number of one"),
+        ("masking-surface", 8, "'M' is a masking surface"),
+        ("unknown-letter", 8, "'Q' starts no line"),
+        (
+            "surface-out-of-sequence",
+            7,
+            "surface 2 is out of sequence (1 is next)",
+        ),
+        ("base-later", 7, "lies in base 2 (allowed an earlier"),
+        (
+            "combined-chain",
+            9,
+            "combined with 2, which is combined itself",
+        ),
+        (
+            "sub-surface-outside",
+            11,
+            "'window' does not lie within its base, 'wall'",
+        ),
+        (
+            "sub-surface-off-plane",
+            11,
+            "'window' lies 1.000e-1 off the plane",
+        ),
+        ("sub-surface-turned", 11, "'window' faces the other way"),
+        (
+            "sub-surfaces-overlap",
+            12,
+            "'pane' overlaps sub-surface 'window'",
+        ),
+        ("huge-number", 7, "'1e999' is not finite"),
+        ("two-dimensions", 2, "two dimensions"),
+        (
+            "unicode-hyphen",
+            3,
+            "'1e‑1' is not a number: it has '‑' (U+2011)",
+        ),
+        ("plane-cut-short", 3, "ends after 6 of 7 numbers"),
+        ("plane-unknown-shape", 2, "shape 'X' (allowed R, T and Q)"),
+        ("unknown-geometry", 1, "geometry '4' is unknown"),
+    ] {
+        let error = read(&format!("../../vs3/{name}.vs3")).unwrap_err();
+        assert_eq!(error.line, Some(line), "{name}: {error}");
+        assert!(error.message.contains(what), "{name}: {error}");
+    }
+    let error = read("../../vs3/no-surface.vs3").unwrap_err();
+    assert!(error.message.contains("no surface in it"), "{error}");
+}
+
+#[test]
+fn nested_sub_surfaces_are_each_cut_out_of_their_own_base() {
+    let scene = read("../../vs3/nested.vs3").unwrap();
+    let names: Vec<&str> = scene.surfaces.iter().map(|s| s.name.as_str()).collect();
+    assert_eq!(
+        names,
+        ["wall.1", "wall.2", "door", "pane", "plate", "surface.5"]
+    );
+    let built = Scene::build(&scene).unwrap().scene;
+    let area = |name: &&str| built.surface_area(built.surface_named(name).unwrap());
+    let areas: Vec<f64> = names.iter().map(area).collect();
+    assert_eq!(areas, [3.0, 6.0, 2.5, 0.5, 0.5, 5.5]);
+    // Emittance 0 is 0.001, as in View3D, and an obstruction is black.
+    let reflectances: Vec<f64> = scene.materials.iter().map(|m| m.reflectance[0]).collect();
+    assert_eq!(reflectances, [0.1, 0.2, 0.999, 0.0]);
+    let notes = scene.notes.join("\n");
+    assert!(
+        notes.contains("2 pieces are left, 'wall.1' to 'wall.2'"),
+        "{notes}"
+    );
+    assert!(notes.contains("1 obstruction (O) is black"), "{notes}");
+}
