@@ -45,13 +45,13 @@ const WORDS: [&str; 12] = [
 ];
 
 fn damage() -> impl Strategy<Value = Damage> {
-    let any = any::<usize>;
+    let place = any::<usize>;
     prop_oneof![
-        (any(), any::<u8>()).prop_map(|(i, b)| Damage::Byte(i, b)),
-        any().prop_map(Damage::Cut),
-        (any(), any()).prop_map(|(i, j)| Damage::Swap(i, j)),
-        (any(), 0..WORDS.len()).prop_map(|(i, w)| Damage::Word(i, w)),
-        any().prop_map(Damage::Twice),
+        (place(), any::<u8>()).prop_map(|(i, b)| Damage::Byte(i, b)),
+        place().prop_map(Damage::Cut),
+        (place(), place()).prop_map(|(i, j)| Damage::Swap(i, j)),
+        (place(), 0..WORDS.len()).prop_map(|(i, w)| Damage::Word(i, w)),
+        place().prop_map(Damage::Twice),
     ]
 }
 

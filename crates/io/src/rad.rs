@@ -230,7 +230,7 @@ impl Parser {
         let by = self.by(&object.modifier);
         match kind.as_str() {
             "polygon" => {
-                if object.reals.len() % 3 != 0 {
+                if !object.reals.len().is_multiple_of(3) {
                     let why = format!(
                         "polygon '{}' has {} real arguments (3 for each corner are needed)",
                         object.name,

@@ -145,7 +145,7 @@ impl Plan {
     }
 
     /// Distance of a point from an edge, and where along it, from 0 to 1.
-    fn from_edge(&self, point: DVec2, (a, b): (usize, usize)) -> (f64, f64) {
+    fn distance_and_place(&self, point: DVec2, (a, b): (usize, usize)) -> (f64, f64) {
         let (a, b) = (self.points[a], self.points[b]);
         let along = b - a;
         let t = ((point - a).dot(along) / along.length_squared()).clamp(0.0, 1.0);
@@ -159,7 +159,7 @@ impl Plan {
             let mut on: Vec<(f64, usize)> = (0..self.points.len())
                 .filter(|&p| p != a && p != b)
                 .filter_map(|p| {
-                    let (distance, t) = self.from_edge(self.points[p], (a, b));
+                    let (distance, t) = self.distance_and_place(self.points[p], (a, b));
                     (distance <= self.tolerance).then_some((t, p))
                 })
                 .collect();
@@ -176,7 +176,7 @@ impl Plan {
     }
 
     fn is_on_border(&self, point: DVec2, corners: &[usize]) -> bool {
-        edges(corners).any(|edge| self.from_edge(point, edge).0 <= self.tolerance)
+        edges(corners).any(|edge| self.distance_and_place(point, edge).0 <= self.tolerance)
     }
 
     fn check(&self, base: &[usize], cuts: &[Vec<usize>]) -> Result<(), Misfit> {

@@ -404,7 +404,7 @@ impl<'a> Parser<'a> {
                 let name = if n_pieces == 1 {
                     names[s].clone()
                 } else {
-                    unique(format!("{}.{}", names[s], k + 1), &mut taken)
+                    unique(&format!("{}.{}", names[s], k + 1), &mut taken)
                 };
                 push(name, region.outline, region.holes);
             }
@@ -484,7 +484,7 @@ impl<'a> Parser<'a> {
                 0 => own,
                 first => format!("{}/{own}", names[first - 1]),
             };
-            names.push(unique(name, &mut taken));
+            names.push(unique(&name, &mut taken));
         }
         names
     }
@@ -583,8 +583,8 @@ fn material(surface: &Surface) -> MaterialInput {
 }
 
 /// `name`, or a variant that is not taken yet.
-fn unique(name: String, taken: &mut BTreeSet<String>) -> String {
-    let mut free = name.clone();
+fn unique(name: &str, taken: &mut BTreeSet<String>) -> String {
+    let mut free = name.to_owned();
     let mut k = 2;
     while !taken.insert(free.clone()) {
         free = format!("{name}_{k}");
