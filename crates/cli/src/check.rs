@@ -14,6 +14,9 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
     match Scene::build(&input) {
         Ok(built) => {
             let report = built.scene.report();
+            let open_rooms = built.scene.open_rooms();
+            let mut warnings = built.warnings;
+            warnings.extend(open_rooms.iter().map(|room| room.problem(&built.scene)));
             if common.json {
                 let document = json!({
                     "version": env!("CARGO_PKG_VERSION"),
@@ -33,7 +36,7 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
                     "length_unit": built.scene.length_unit.symbol(),
                     "quantity": built.scene.quantity.name(),
                     "notes": input.notes,
-                    "problems": problems(&built.warnings),
+                    "problems": problems(&warnings),
                 });
                 say!("{document:#}");
                 return Ok(Ending::Done);
@@ -41,7 +44,7 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
             for note in &input.notes {
                 say!("note: {note}");
             }
-            for warning in &built.warnings {
+            for warning in &warnings {
                 say!("warning: {}", warning.message);
             }
             let unit = built.scene.length_unit.symbol();
@@ -51,7 +54,7 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
                  extent {} × {} × {} {unit} ({:.3} × {:.3} × {:.3} m), area {} {unit}²\n\
                  {}: {} open edges, {} T-vertices",
                 common.scene.display(),
-                built.warnings.len(),
+                warnings.len(),
                 report.surfaces,
                 report.emitters,
                 report.faces,

@@ -17,14 +17,20 @@ pub(crate) struct Loaded {
 pub(crate) fn read(common: &Common) -> Result<antumbra::SceneInput, Failure> {
     let path = &common.scene;
     let at = |message: String| Failure::unreadable(format!("{}: {message}", path.display()));
-    let text = |path: &Path| {
-        let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
-        String::from_utf8(bytes).map_err(|_| "is not UTF-8 text".to_owned())
-    };
     let extension = path
         .extension()
         .map(|e| e.to_string_lossy().to_ascii_lowercase());
-    match extension.as_deref() {
+    let extension = extension.as_deref();
+    if let (Some(second), true) = (
+        common.more.first(),
+        !matches!(extension, Some("rad" | "mat")),
+    ) {
+        return Err(Failure::usage(format!(
+            "{}: only .rad and .mat files can be several",
+            second.display()
+        )));
+    }
+    match extension {
         Some("json") => {
             let text = text(path).map_err(at)?;
             io::scene_file::read(&text).map_err(|e| at(e.to_string()))
@@ -39,10 +45,41 @@ pub(crate) fn read(common: &Common) -> Result<antumbra::SceneInput, Failure> {
             )
             .map_err(|e| at(e.to_string()))
         }
+        Some("vs3") => {
+            let text = text(path).map_err(at)?;
+            io::vs3::read(&text, common.length_unit).map_err(|e| at(e.to_string()))
+        }
+        Some("rad" | "mat") => read_rad(common),
         _ => Err(at(
-            "is not a format that can be read: .json and .obj are".into()
+            "is not a format that can be read: .json, .obj, .vs3 and .rad are".into(),
         )),
     }
+}
+
+/// All `.rad` files of the command line, as one scene.
+fn read_rad(common: &Common) -> Result<antumbra::SceneInput, Failure> {
+    let mut files = Vec::with_capacity(1 + common.more.len());
+    for path in std::iter::once(&common.scene).chain(&common.more) {
+        let name = path.display().to_string();
+        let text = text(path).map_err(|e| Failure::unreadable(format!("{name}: {e}")))?;
+        files.push(io::rad::RadFile { name, text });
+    }
+    let mut load = |root: &str, name: &str| {
+        let folder = Path::new(root).parent().unwrap_or(Path::new("."));
+        text(&folder.join(name))
+    };
+    io::rad::read(&files, &mut load, common.length_unit).map_err(|e| {
+        let place = match common.more.len() {
+            0 => format!("{}: ", common.scene.display()),
+            _ => String::new(),
+        };
+        Failure::unreadable(format!("{place}{e}"))
+    })
+}
+
+fn text(path: &Path) -> Result<String, String> {
+    let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
+    String::from_utf8(bytes).map_err(|_| "is not UTF-8 text".to_owned())
 }
 
 /// Reads and checks a scene; warnings are shown unless `--quiet`.

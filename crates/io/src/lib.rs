@@ -4,8 +4,11 @@
 pub mod model;
 pub mod obj;
 pub mod picture;
+pub mod rad;
 mod read_error;
 pub mod scene_file;
+mod subtract;
+pub mod vs3;
 pub mod write;
 
 pub use read_error::ReadError;

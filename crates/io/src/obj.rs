@@ -266,18 +266,22 @@ impl Parser {
                 two_sided: false,
             });
         }
-        // A grey file needs one band.
-        let is_grey = |values: &[f64]| values.iter().all(|v| v.to_bits() == values[0].to_bits());
-        if materials
-            .iter()
-            .all(|m| is_grey(&m.reflectance) && is_grey(&m.exitance))
-        {
-            for material in &mut materials {
-                material.reflectance.truncate(1);
-                material.exitance.truncate(1);
-            }
-        }
+        drop_equal_bands(&mut materials);
         materials
+    }
+}
+
+/// A grey file needs one band.
+pub(crate) fn drop_equal_bands(materials: &mut [MaterialInput]) {
+    let is_grey = |values: &[f64]| values.iter().all(|v| v.to_bits() == values[0].to_bits());
+    if materials
+        .iter()
+        .all(|m| is_grey(&m.reflectance) && is_grey(&m.exitance))
+    {
+        for material in materials {
+            material.reflectance.truncate(1);
+            material.exitance.truncate(1);
+        }
     }
 }
 
@@ -333,14 +337,14 @@ fn default_name(library: &BTreeMap<String, Mtl>, used: &[(Option<String>, usize)
 }
 
 /// Gives every face a name of its own.
-struct Namer {
+pub(crate) struct Namer {
     /// Faces of each group, and how many of them have a name already.
     groups: BTreeMap<Option<String>, (usize, usize)>,
     taken: BTreeSet<String>,
 }
 
 impl Namer {
-    fn new<'a>(groups: impl Iterator<Item = Option<&'a str>>) -> Self {
+    pub(crate) fn new<'a>(groups: impl Iterator<Item = Option<&'a str>>) -> Self {
         let mut counts: BTreeMap<Option<String>, (usize, usize)> = BTreeMap::new();
         for group in groups {
             counts.entry(group.map(str::to_owned)).or_default().0 += 1;
@@ -351,7 +355,7 @@ impl Namer {
         }
     }
 
-    fn next(&mut self, group: Option<&str>) -> String {
+    pub(crate) fn next(&mut self, group: Option<&str>) -> String {
         let (n, named) = self.groups.entry(group.map(str::to_owned)).or_default();
         *named += 1;
         let name = match group {

@@ -145,3 +145,27 @@ fn cornell_obj_without_its_library_is_grey_and_says_so() {
     let (ok, said) = messages(&scene);
     assert!(ok && said.iter().any(|m| m.contains("no surface emits")));
 }
+
+#[test]
+fn misplaced_wall_of_an_l_shaped_zone_is_named() {
+    let rooms = |name: &str| {
+        let path = fixture("real/energyplus-lshaped").join(name);
+        let text = std::fs::read_to_string(path).unwrap();
+        let scene = Scene::build(&scene_file::read(&text).unwrap())
+            .unwrap()
+            .scene;
+        let rooms = scene.open_rooms();
+        rooms
+            .iter()
+            .map(|room| room.problem(&scene))
+            .collect::<Vec<_>>()
+    };
+    let found = rooms("zone1.json");
+    assert_eq!(found.len(), 1);
+    assert_eq!(found[0].names[0], "NorthWall-2");
+    assert_eq!(
+        found[0].message,
+        "no partner for the border of 'NorthWall-2' (83 % of it), and a room of 9 surfaces is open: between (0, 6.096, 0) and (6.096, 6.096, 3.048) its edges join nothing, 18.29 m in all, at 'Floor-1' (6.096 m), 'Roof-1' (6.096 m), 'WestWall-2' (3.048 m), 'West Wall-1' (3.048 m)"
+    );
+    assert_eq!(rooms("zone1-corrected.json"), []);
+}

@@ -8,6 +8,7 @@
 mod build;
 mod bvh;
 mod input;
+mod open_rooms;
 mod problem;
 mod query;
 mod report;
@@ -16,6 +17,7 @@ mod scene;
 pub use build::Built;
 pub use bvh::{Aabb, BoxTree};
 pub use input::{LengthUnit, MaterialInput, Quantity, SceneInput, SurfaceInput};
+pub use open_rooms::OpenRoom;
 pub use problem::{Problem, Severity};
 pub use report::GeometryReport;
 pub use scene::{

@@ -244,7 +244,21 @@ impl Shaper<'_> {
         shape.outline = parts.swap_remove(outer);
         let side = area(&shape.outline);
         parts.retain(|part| self.drop_collinear(part, &[]).len() > 2);
-        if parts.iter().any(|part| area(part) * side > 0.0) {
+        // A hole may run the way of the outline: what lies in it is what counts.
+        let chart = Chart::new(positions[0], normal);
+        let in_chart = |part: &Vec<u32>| -> Vec<DVec2> {
+            let corners = self.positions(part);
+            corners.into_iter().map(|p| chart.to_chart(p)).collect()
+        };
+        let outline = in_chart(&shape.outline);
+        let is_inside = |part: &Vec<u32>| {
+            let corners = in_chart(part);
+            point_in_polygon((corners[0] + corners[1]) / 2.0, [outline.as_slice()])
+        };
+        if parts
+            .iter()
+            .any(|part| area(part) * side > 0.0 && !is_inside(part))
+        {
             return Err(Refusal::Bad(
                 "self-intersecting",
                 "the outline is several parts joined by a line or lies over itself (allowed one simple outline)"
