@@ -649,6 +649,7 @@ impl<'e, 's> Tracer<'e, 's> {
         cuts: u32,
     ) {
         let is_arc = generators.len() == 3;
+        let part = self.bounded(shaft, swath, part);
         let control = [
             (part.from, part.from),
             (part.from, part.to),
@@ -670,7 +671,7 @@ impl<'e, 's> Tracer<'e, 's> {
         }
         let points = control.map(|c| c.truncate() / c.w);
         let mut places = [points[0], points[2]];
-        if !places.iter().all(|p| p.is_finite()) {
+        if !places.iter().all(|&p| self.is_near(shaft, p)) {
             return;
         }
         let mut ends = [CurveEnd::Other; 2];
@@ -694,6 +695,41 @@ impl<'e, 's> Tracer<'e, 's> {
             Shape::Segment(places)
         };
         self.push(event, Some(shaft.emitter), shape, ends);
+    }
+
+    /// Is a place within a receiver's size of it? False for places that are none.
+    fn is_near(&self, shaft: &Shaft<'_>, place: DVec3) -> bool {
+        place.distance(shaft.receiver_hull[0]) <= 2.0 * self.size
+    }
+
+    /// The part without its ends where they lie far outside: a line that becomes
+    /// parallel to the receiver crosses its border within the rounding of the parameter.
+    fn bounded(&self, shaft: &Shaft<'_>, swath: &Swath, part: Part) -> Part {
+        let is_near = |t: f64| {
+            let hit = swath.blossom(self.form, t, t);
+            self.is_near(shaft, hit.truncate() / hit.w)
+        };
+        let middle = 0.5 * (part.from + part.to);
+        let end = |far: f64| {
+            if is_near(far) || !is_near(middle) {
+                return far;
+            }
+            let (mut near, mut far) = (middle, far);
+            for _ in 0..64 {
+                let t = 0.5 * (near + far);
+                if is_near(t) {
+                    near = t;
+                } else {
+                    far = t;
+                }
+            }
+            near
+        };
+        Part {
+            from: end(part.from),
+            to: end(part.to),
+            ..part
+        }
     }
 
     /// What line a part ends with.
