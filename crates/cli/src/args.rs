@@ -50,9 +50,10 @@ impl Command {
 /// What every command takes.
 #[derive(Args, Debug)]
 pub(crate) struct Common {
-    /// The scene: .json (scene file) or .obj (with its .mtl).
+    /// The scene: .json (scene file), .obj (with its .mtl), .gltf, .glb or .stl.
     pub(crate) scene: PathBuf,
-    /// Unit of an OBJ file's lengths: m, mm, cm, in or ft.
+    /// Unit of an OBJ or STL file's lengths, and of a glTF file's that are not metres:
+    /// m, mm, cm, in or ft.
     #[arg(long, value_name = "UNIT", value_parser = length_unit, default_value = "m")]
     pub(crate) length_unit: LengthUnit,
     /// Threads; the result does not depend on it.

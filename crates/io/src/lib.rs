@@ -1,11 +1,16 @@
-//! Formats in and out. Nothing here opens a file: readers take text, writers
-//! give text or bytes.
+//! Formats in and out. Nothing here opens a file: readers take text or
+//! bytes, writers give text or bytes.
 
+pub mod gltf;
+mod materials;
+mod merge;
 pub mod model;
+mod names;
 pub mod obj;
 pub mod picture;
 mod read_error;
 pub mod scene_file;
+pub mod stl;
 pub mod write;
 
 pub use read_error::ReadError;
