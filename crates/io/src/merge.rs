@@ -10,7 +10,8 @@
 //! of corners that no other polygon needs ([`straight`]), and move corners onto
 //! the planes they share, for rounding to 24 bits tilts every plane that is not
 //! perpendicular to an axis ([`plane`]).
-//! A patch whose border is not simple stays triangles.
+//! A patch whose border is not simple, or whose corners cannot be brought into one
+//! plane without leaving others, stays triangles.
 
 mod border;
 mod nearby;
@@ -24,7 +25,7 @@ mod tests;
 
 use crate::names::Namer;
 use antumbra_geom::{Chart, DVec3, newell_normal};
-use antumbra_scene::SurfaceInput;
+use antumbra_scene::{Aabb, SurfaceInput};
 use plane::Plane;
 
 /// The precision of a coordinate, relative to the largest of its part.
@@ -33,6 +34,10 @@ use plane::Plane;
 /// that precision leave of a plane or of a straight edge. Sixteen and more would
 /// flatten real features: at 10 m this is 5 µm.
 const PRECISION: f64 = 1.0 / (1u64 << 21) as f64;
+
+/// Patches that are not plane leave their planes to others, which may then be; one
+/// round does but for constructed cases, and the check of scenes splits the rest.
+const MOST_ROUNDS: usize = 8;
 
 /// Triangles of one material under one name.
 #[derive(Clone, Debug)]
@@ -72,6 +77,25 @@ struct Patch {
     loops: Vec<Vec<u32>>,
     plane: Plane,
     area: f64,
+    /// A triangle of a patch that is not plane: its corners hold to no plane.
+    is_loose: bool,
+}
+
+impl Patch {
+    fn corners(&self) -> impl Iterator<Item = u32> + '_ {
+        self.loops.iter().flatten().copied()
+    }
+
+    /// Three corners are plane wherever they are.
+    fn needs_a_plane(&self) -> bool {
+        self.loops.len() > 1 || self.loops[0].len() > 3
+    }
+
+    /// Twice the area over the longest extent.
+    fn width(&self, vertices: &[DVec3]) -> f64 {
+        let bounds = Aabb::of(self.corners().map(|v| vertices[v as usize]));
+        2.0 * self.area / (bounds.max - bounds.min).length()
+    }
 }
 
 /// What was left out or done, for the notes.
@@ -81,8 +105,9 @@ struct Counts {
     /// The number, and the part of the first.
     flat: Option<(usize, usize)>,
     duplicate: Option<(usize, usize)>,
-    /// Patches that stay triangles.
+    /// Patches that stay triangles, for their border or their plane.
     tangled: Option<(usize, usize)>,
+    not_plane: Option<(usize, usize)>,
 }
 
 /// Merges the triangles of each part into polygons.
@@ -105,26 +130,27 @@ pub(crate) fn surfaces(parts: &[Part], unit: &str) -> Merged {
         }
         has_width
     });
-    let moved = plane::onto_planes(&patches, &welded);
-
-    // What was simple before it moved may not be afterwards.
-    let mut whole = Vec::with_capacity(patches.len());
-    for patch in patches {
-        if patch.triangles.len() == 1 || is_simple(&patch, &moved.vertices) {
-            whole.push(patch);
-        } else {
-            counted(&mut counts.tangled, patch.part, 1);
-            let triangles = patch.triangles.iter();
-            whole.extend(triangles.filter_map(|&t| {
-                single(
-                    patch.part,
-                    t,
-                    welded.corners[patch.part][t],
-                    &moved.vertices,
-                )
-            }));
+    let mut moved = plane::onto_planes(&patches, &welded);
+    for _ in 0..MOST_ROUNDS {
+        if moved.not_plane.is_empty() {
+            break;
         }
+        // Without them the others have what they need.
+        for &i in &moved.not_plane {
+            counted(&mut counts.not_plane, patches[i].part, 1);
+        }
+        let in_pieces = std::mem::take(&mut moved.not_plane);
+        patches = with_pieces(patches, &in_pieces, &welded, &welded.vertices);
+        moved = plane::onto_planes(&patches, &welded);
     }
+    // What was simple before it moved may not be afterwards.
+    let crooked: Vec<usize> = (0..patches.len())
+        .filter(|&i| patches[i].needs_a_plane() && !is_simple(&patches[i], &moved.vertices))
+        .collect();
+    for &i in &crooked {
+        counted(&mut counts.tangled, patches[i].part, 1);
+    }
+    let whole = with_pieces(patches, &crooked, &welded, &moved.vertices);
     let mut namer = Namer::new(whole.iter().map(|patch| parts[patch.part].name.as_deref()));
     let surfaces: Vec<SurfaceInput> = whole
         .iter()
@@ -144,6 +170,31 @@ pub(crate) fn surfaces(parts: &[Part], unit: &str) -> Merged {
         .collect();
     let notes = notes(parts, &counts, surfaces.len(), &moved, unit);
     Merged { surfaces, notes }
+}
+
+/// The patches, those at `in_pieces` (ascending) as loose triangles.
+fn with_pieces(
+    patches: Vec<Patch>,
+    in_pieces: &[usize],
+    welded: &weld::Welded,
+    vertices: &[DVec3],
+) -> Vec<Patch> {
+    let mut all = Vec::with_capacity(patches.len());
+    for (i, patch) in patches.into_iter().enumerate() {
+        if in_pieces.binary_search(&i).is_err() {
+            all.push(patch);
+            continue;
+        }
+        all.extend(patch.triangles.iter().filter_map(|&t| {
+            let corners = welded.corners[patch.part][t];
+            let triangle = single(patch.part, t, corners, vertices)?;
+            Some(Patch {
+                is_loose: true,
+                ..triangle
+            })
+        }));
+    }
+    all
 }
 
 fn patches_of(
@@ -208,6 +259,7 @@ fn merged(
         area: triangles.iter().map(|&t| mesh.area(t)).sum(),
         loops,
         plane,
+        is_loose: false,
     };
     is_simple(&patch, vertices).then_some(patch)
 }
@@ -226,6 +278,7 @@ fn single(part: usize, triangle: usize, corners: [u32; 3], vertices: &[DVec3]) -
             point: positions[0],
         },
         area: twice.length() / 2.0,
+        is_loose: false,
     })
 }
 
@@ -285,6 +338,13 @@ fn notes(
     if let Some((n, part)) = counts.tangled {
         notes.push(format!(
             "{n} flat patch{} with an outline that meets itself kept as triangles{}",
+            if n == 1 { "" } else { "es" },
+            whose(part)
+        ));
+    }
+    if let Some((n, part)) = counts.not_plane {
+        notes.push(format!(
+            "{n} flat patch{} kept as triangles, for more planes meet in a corner than it can be moved onto{}",
             if n == 1 { "" } else { "es" },
             whose(part)
         ));

@@ -288,8 +288,8 @@ fn hostile_files_are_refused_with_what_is_wrong() {
 
 /// A scene of nodes over one mesh: a square with z up and a triangle beside it.
 fn document(change: impl Fn(&mut serde_json::Value)) -> Result<SceneInput, ReadError> {
-    let text = String::from_utf8(bytes("gltf/square.gltf")).unwrap();
-    let mut json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let text = String::from_utf8(bytes("gltf/square.gltf")).expect("JSON is UTF-8");
+    let mut json: serde_json::Value = serde_json::from_str(&text).expect("it is JSON");
     change(&mut json);
     let mut none = |name: &str| Err(format!("no {name}"));
     gltf::read(json.to_string().as_bytes(), &mut none, LengthUnit::Metre)

@@ -15,12 +15,18 @@ use std::collections::BTreeMap;
 /// the line in which they meet would be known a thousand times worse than they.
 const SMALLEST_ANGLE: f64 = 1e-3;
 
-/// No corner moves farther than so many tolerances.
-const FARTHEST: f64 = 8.0;
+/// No corner moves farther than so many tolerances. A fold of half a degree needs
+/// as much; on finely tessellated surfaces more would move corners farther than
+/// their rounding did.
+const FARTHEST: f64 = 4.0;
 
 /// Corners this near to their planes stay as they are, relative to the largest
-/// coordinate: a quarter of what the check of scenes calls plane.
-const IN_PLANE: f64 = 1.0 / (1u64 << 44) as f64;
+/// coordinate: rounding of 64 bits.
+const IN_PLACE: f64 = 1.0 / (1u64 << 50) as f64;
+
+/// A polygon is plane if its corners lie in its plane to this part of its width,
+/// or to rounding: a tenth of what the check of scenes asks for.
+const PLANE: f64 = 1e-10;
 
 /// A plane through `point` with a unit normal.
 #[derive(Clone, Copy, Debug)]
@@ -41,37 +47,42 @@ pub(super) struct Moved {
     /// How many moved, and how far the farthest.
     pub(super) n: usize,
     pub(super) farthest: f64,
+    /// Patches of more than a triangle with a corner that is held off their plane.
+    pub(super) not_plane: Vec<usize>,
 }
 
 /// Moves the corners of patches onto the planes of their classes.
+///
+/// Where more than three planes meet in a corner, as on tessellated surfaces, not
+/// all can be had: the largest patches come first.
 pub(super) fn onto_planes(patches: &[Patch], welded: &Welded) -> Moved {
     let mut moved = Moved {
         vertices: welded.vertices.clone(),
         n: 0,
         farthest: 0.0,
+        not_plane: Vec::new(),
     };
     // Classes come in the order of their area: the largest has the first word.
     let mut planes_at: BTreeMap<u32, Vec<Plane>> = BTreeMap::new();
+    let mut plane_of: BTreeMap<usize, Plane> = BTreeMap::new();
     for class in classes(patches, welded) {
-        let is_bound = class.members.len() > 1
-            || class.members.iter().any(|&i| {
-                let loops = &patches[i].loops;
-                loops.len() > 1 || loops[0].len() > 3
-            });
-        if !is_bound {
+        let is_needed =
+            class.members.len() > 1 || class.members.iter().any(|&i| patches[i].needs_a_plane());
+        if !is_needed {
             continue;
         }
         let plane = class.plane(patches, welded);
         let mut corners: Vec<u32> = class
             .members
             .iter()
-            .flat_map(|&i| patches[i].loops.iter().flatten().copied())
+            .flat_map(|&i| patches[i].corners())
             .collect();
         corners.sort_unstable();
         corners.dedup();
         for v in corners {
             planes_at.entry(v).or_default().push(plane);
         }
+        plane_of.extend(class.members.iter().map(|&i| (i, plane)));
     }
     let largest = welded
         .vertices
@@ -82,16 +93,27 @@ pub(super) fn onto_planes(patches: &[Patch], welded: &Welded) -> Moved {
         let from = welded.vertices[v as usize];
         if planes
             .iter()
-            .all(|plane| plane.height(from).abs() <= IN_PLANE * largest)
+            .all(|plane| plane.height(from).abs() <= IN_PLACE * largest)
         {
             continue;
         }
         let to = settled(from, &planes, FARTHEST * welded.tolerances[v as usize]);
+        moved.vertices[v as usize] = to;
         let distance = to.distance(from);
-        if distance > 0.0 {
-            moved.vertices[v as usize] = to;
+        // Mere rounding of 64 bits is not worth a word.
+        if distance > 16.0 * IN_PLACE * largest {
             moved.n += 1;
             moved.farthest = moved.farthest.max(distance);
+        }
+    }
+    for (i, plane) in plane_of {
+        let patch = &patches[i];
+        let allowed = (PLANE * patch.width(&moved.vertices)).max(4.0 * IN_PLACE * largest);
+        let is_plane = patch
+            .corners()
+            .all(|v| plane.height(moved.vertices[v as usize]).abs() <= allowed);
+        if patch.needs_a_plane() && !is_plane {
+            moved.not_plane.push(i);
         }
     }
     moved
@@ -149,9 +171,8 @@ impl Class {
     fn plane(&self, patches: &[Patch], welded: &Welded) -> Plane {
         let own = patches[self.members[0]].plane;
         let axis = own.normal.abs().max_position();
-        let first = &patches[self.members[0]].loops;
         // A coordinate of the file, not a mean that is none.
-        let nearest = first.iter().flatten().copied().min_by(|&u, &v| {
+        let nearest = patches[self.members[0]].corners().min_by(|&u, &v| {
             let off = |v: u32| (welded.vertices[v as usize] - own.point)[axis].abs();
             off(u).total_cmp(&off(v)).then(u.cmp(&v))
         });
@@ -165,15 +186,15 @@ impl Class {
         let holds = self
             .members
             .iter()
-            .flat_map(|&i| patches[i].loops.iter().flatten())
-            .all(|&v| {
+            .flat_map(|&i| patches[i].corners())
+            .all(|v| {
                 straight.height(welded.vertices[v as usize]).abs() <= welded.tolerances[v as usize]
             });
         if holds { straight } else { own }
     }
 }
 
-/// Sorts patches into classes: each joins the first, largest patch in whose plane
+/// Sorts patches, but for loose ones, into classes: each joins the first, largest patch in whose plane
 /// all its corners lie, to the tolerance of its corners.
 fn classes(patches: &[Patch], welded: &Welded) -> Vec<Class> {
     let centre = patches
@@ -193,9 +214,11 @@ fn classes(patches: &[Patch], welded: &Welded) -> Vec<Class> {
         .map(|(i, patch)| (i, key(&patch.plane, 1.0)))
         .collect();
     let nearby = Nearby::new(&keys);
-    let mut order: Vec<usize> = (0..patches.len()).collect();
+    let mut order: Vec<usize> = (0..patches.len())
+        .filter(|&i| !patches[i].is_loose)
+        .collect();
     order.sort_by(|&i, &j| patches[j].area.total_cmp(&patches[i].area).then(i.cmp(&j)));
-    let mut is_taken = vec![false; patches.len()];
+    let mut is_taken: Vec<bool> = patches.iter().map(|patch| patch.is_loose).collect();
     let mut classes = Vec::new();
     for i in order {
         if is_taken[i] {
@@ -215,9 +238,8 @@ fn classes(patches: &[Patch], welded: &Welded) -> Vec<Class> {
         found.dedup();
         for j in found.into_iter().map(|j| j as usize) {
             let fits = || {
-                let corners = patches[j].loops.iter().flatten();
                 patches[j].plane.normal.dot(plane.normal).abs() > 0.5
-                    && corners.into_iter().all(|&v| {
+                    && patches[j].corners().all(|v| {
                         plane.height(welded.vertices[v as usize]).abs()
                             <= welded.tolerances[v as usize]
                     })

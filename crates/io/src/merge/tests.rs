@@ -448,3 +448,44 @@ fn rounded_box_keeps_shared_corners_and_plane_faces() {
     corners.dedup();
     assert_eq!(corners.len(), 8);
 }
+
+#[test]
+fn tessellated_torus_is_plane_whatever_is_merged() {
+    // Four quadrilaterals meet in each corner, plane but for rounding.
+    let (n, m) = (48, 20);
+    let corner = |i: usize, j: usize| {
+        let turn = |k: usize, n: usize| std::f64::consts::TAU * (k % n) as f64 / n as f64;
+        let (a, b) = (turn(i, n), turn(j, m));
+        let p = dvec3(
+            (3.0 + b.cos()) * a.cos(),
+            (3.0 + b.cos()) * a.sin(),
+            b.sin(),
+        );
+        p.as_vec3().as_dvec3()
+    };
+    let triangles: Vec<[DVec3; 3]> = (0..n)
+        .flat_map(|i| (0..m).map(move |j| (i, j)))
+        .flat_map(|(i, j)| {
+            let [a, b, c, d] =
+                [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| corner(i, j));
+            [[a, b, c], [c, d, a]]
+        })
+        .collect();
+    let expected: f64 = triangles
+        .iter()
+        .map(|t| newell_normal(t).length() / 2.0)
+        .sum();
+    let merged = merge(triangles);
+    assert!(
+        (total(&merged) - expected).abs() < 1e-5,
+        "{}",
+        total(&merged)
+    );
+    assert!(
+        merged.notes[1].contains("kept as triangles, for more planes meet"),
+        "{:?}",
+        merged.notes
+    );
+    let said = check(&merged).unwrap();
+    assert_eq!(said.len(), 1, "{said:?}");
+}
