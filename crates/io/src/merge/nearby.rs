@@ -30,20 +30,33 @@ impl Nearby {
         }
     }
 
-    /// Points that may lie within `reach` of the box around two points.
-    pub(super) fn around(&self, a: DVec3, b: DVec3, reach: f64) -> Vec<u32> {
-        let local = [a, b].map(|p| (p - self.centre) * self.scale);
-        // Rounding of the shift and the scale: a few units in the last place.
-        let margin = reach * self.scale + 1e-15 * (1.0 + local[0].abs().max_element());
-        let exact = Aabb::of(local);
-        let query = Aabb {
-            min: exact.min - margin,
-            max: exact.max + margin,
+    /// Points that may lie within `reach` of the segment from `a` to `b`.
+    pub(super) fn along(&self, a: DVec3, b: DVec3, reach: f64) -> Vec<u32> {
+        let [a, b] = [a, b].map(|p| (p - self.centre) * self.scale);
+        // Rounding of the shift, of the scale and of the parameters below: a few
+        // units in the last place.
+        let margin = reach * self.scale + 1e-14 * (1.0 + a.abs().max(b.abs()).max_element());
+        let along = b - a;
+        let meets = |node: &Aabb| {
+            let (low, high) = (node.min - margin, node.max + margin);
+            let mut range = (0.0f64, 1.0f64);
+            (0..3).all(|k| {
+                if along[k].abs() <= margin {
+                    return a[k].min(b[k]) <= high[k] && low[k] <= a[k].max(b[k]);
+                }
+                let (s, t) = ((low[k] - a[k]) / along[k], (high[k] - a[k]) / along[k]);
+                range = (range.0.max(s.min(t)), range.1.min(s.max(t)));
+                range.0 <= range.1
+            })
         };
         let mut found = Vec::new();
-        self.tree
-            .visit(|node| node.meets(&query), |id| found.push(id));
+        self.tree.visit(meets, |id| found.push(id));
         found.sort_unstable();
         found
+    }
+
+    /// Points that may lie within `reach` of a point.
+    pub(super) fn around(&self, point: DVec3, reach: f64) -> Vec<u32> {
+        self.along(point, point, reach)
     }
 }

@@ -236,7 +236,7 @@ impl<'a> Mesh<'a> {
             let [p, q] = [a, b].map(|v| self.vertices[v as usize]);
             let along = q - p;
             let mut on: Vec<(f64, u32)> = nearby
-                .around(p, q, self.tolerance)
+                .along(p, q, self.tolerance)
                 .into_iter()
                 .filter(|&v| v != a && v != b)
                 .filter_map(|v| {

@@ -231,7 +231,7 @@ fn classes(patches: &[Patch], welded: &Welded) -> Vec<Class> {
             .into_iter()
             .flat_map(|sign| {
                 let at = key(&plane, sign);
-                nearby.around(at, at, SPREAD)
+                nearby.around(at, SPREAD)
             })
             .collect();
         found.sort_unstable();

@@ -46,15 +46,12 @@ pub(super) fn weld(parts: &[Part]) -> Welded {
     let mut joined: Vec<u32> = (0..vertices.len() as u32).collect();
     for v in 0..vertices.len() {
         let (point, tolerance) = (vertices[v], tolerances[v]);
-        let first = nearby
-            .around(point, point, tolerance)
-            .into_iter()
-            .find(|&u| {
-                let reach = tolerance.min(tolerances[u as usize]);
-                (u as usize) < v
-                    && joined[u as usize] == u
-                    && vertices[u as usize].distance(point) <= reach
-            });
+        let first = nearby.around(point, tolerance).into_iter().find(|&u| {
+            let reach = tolerance.min(tolerances[u as usize]);
+            (u as usize) < v
+                && joined[u as usize] == u
+                && vertices[u as usize].distance(point) <= reach
+        });
         if let Some(first) = first {
             joined[v] = first;
         }
