@@ -138,11 +138,14 @@ fn errors(name: &str, input: &SceneInput, tolerance: f64, n_points: usize) -> Ve
             .par_iter()
             .map_init(Scratch::default, |scratch, &(t, uv)| {
                 let exact = light.at(mesh.face, mesh.chart.to_space(uv), scratch)[0];
-                let interpolated = mesh.locate(uv).map_or(f64::NAN, |(element, at)| {
-                    mesh.direct_at(element, at)[0]
-                });
+                let interpolated = mesh
+                    .locate(uv)
+                    .map_or(f64::NAN, |(element, at)| mesh.direct_at(element, at)[0]);
                 let is_unresolved = mesh.unresolved.contains(&(t as u32));
-                (is_unresolved, (interpolated - exact).abs() / peak.max(1e-300))
+                (
+                    is_unresolved,
+                    (interpolated - exact).abs() / peak.max(1e-300),
+                )
             })
             .collect();
         for (is_unresolved, error) in found {
@@ -164,7 +167,9 @@ fn errors(name: &str, input: &SceneInput, tolerance: f64, n_points: usize) -> Ve
         ));
     }
     if n_unresolved * 100 > n {
-        wrong.push(format!("{name}: {n_unresolved} of {n} points in unresolved elements"));
+        wrong.push(format!(
+            "{name}: {n_unresolved} of {n} points in unresolved elements"
+        ));
     }
     wrong
 }
@@ -197,7 +202,11 @@ fn nothing_leaks_into_closed_places() {
         // Inside of the box at the corner.
         ("closed-corner", "room.z0", [[0.0, 0.0], [1.0, 0.75]]),
         // Under the thin leg.
-        ("thin-leg", "floor", [[-0.5, -0.25], [-0.49609375, -0.24609375]]),
+        (
+            "thin-leg",
+            "floor",
+            [[-0.5, -0.25], [-0.49609375, -0.24609375]],
+        ),
         // Under the lowest of the boxes.
         ("stacked-boxes", "floor", [[-0.75, -0.25], [-0.25, 0.25]]),
         ("t-junctions", "floor-1", [[-0.25, -0.25], [0.5, 0.5]]),
@@ -207,7 +216,10 @@ fn nothing_leaks_into_closed_places() {
             .unwrap_or_else(|e| panic!("{name}: {e}"));
         let face = antumbra_tests::scenes::only_face(&scene, surface);
         let mesh = &meshed.direct.receivers[face.index()];
-        assert!(is_dark(&scene, mesh, face, region), "{name}: light on {surface}");
+        assert!(
+            is_dark(&scene, mesh, face, region),
+            "{name}: light on {surface}"
+        );
     }
 }
 
@@ -222,7 +234,9 @@ fn is_dark(scene: &Scene, mesh: &ReceiverMesh, face: FaceId, [low, high]: [[f64;
             return true;
         }
         n_inside += 1;
-        mesh.nodes_of(t).iter().all(|&n| mesh.direct[n as usize] == 0.0)
+        mesh.nodes_of(t)
+            .iter()
+            .all(|&n| mesh.direct[n as usize] == 0.0)
     });
     dark && n_inside > 0
 }

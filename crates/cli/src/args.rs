@@ -50,14 +50,14 @@ impl Command {
 /// What every command takes.
 #[derive(Args, Debug)]
 pub(crate) struct Common {
-    /// The scene: .json (scene file), .obj (with its .mtl), .vs3 (View3D) or .rad
-    /// (Radiance).
+    /// The scene: .json (scene file), .obj (with its .mtl), .gltf, .glb, .stl, .vs3
+    /// (View3D) or .rad (Radiance).
     pub(crate) scene: PathBuf,
     /// Further .rad (or .mat) files of the same scene: materials first, then surfaces.
     #[arg(value_name = "MORE")]
     pub(crate) more: Vec<PathBuf>,
-    /// Unit of the lengths in files that have none (.obj, .vs3, .rad): m, mm, cm, in
-    /// or ft.
+    /// Unit of the lengths in files that have none (.obj, .stl, .vs3, .rad), and of a
+    /// glTF file's that are not metres: m, mm, cm, in or ft.
     #[arg(long, value_name = "UNIT", value_parser = length_unit, default_value = "m")]
     pub(crate) length_unit: LengthUnit,
     /// Threads; the result does not depend on it.

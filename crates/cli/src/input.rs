@@ -2,6 +2,7 @@
 
 use crate::args::{Color, Common};
 use crate::failure::Failure;
+use antumbra::scene::LengthUnit;
 use antumbra::{Problem, Scene, Severity, io};
 use std::io::IsTerminal as _;
 use std::path::Path;
@@ -16,7 +17,6 @@ pub(crate) struct Loaded {
 /// Reads a scene file by its extension, without checking its content.
 pub(crate) fn read(common: &Common) -> Result<antumbra::SceneInput, Failure> {
     let path = &common.scene;
-    let at = |message: String| Failure::unreadable(format!("{}: {message}", path.display()));
     let extension = path
         .extension()
         .map(|e| e.to_string_lossy().to_ascii_lowercase());
@@ -30,34 +30,50 @@ pub(crate) fn read(common: &Common) -> Result<antumbra::SceneInput, Failure> {
             second.display()
         )));
     }
-    match extension {
+    let unit = common.length_unit;
+    let scene = match extension {
         Some("json") => {
-            let text = text(path).map_err(at)?;
-            io::scene_file::read(&text).map_err(|e| at(e.to_string()))
+            text(path).and_then(|text| io::scene_file::read(&text).map_err(|e| e.to_string()))
         }
-        Some("obj") => {
-            let obj = text(path).map_err(at)?;
-            let folder = path.parent().unwrap_or(Path::new("."));
-            io::obj::read(
-                &obj,
-                &mut |name| text(&folder.join(name)),
-                common.length_unit,
-            )
-            .map_err(|e| at(e.to_string()))
+        Some("obj") => obj(path, unit),
+        Some("gltf" | "glb") => gltf(path, unit),
+        Some("stl") => {
+            bytes(path).and_then(|bytes| io::stl::read(&bytes, unit).map_err(|e| e.to_string()))
         }
         Some("vs3") => {
-            let text = text(path).map_err(at)?;
-            io::vs3::read(&text, common.length_unit).map_err(|e| at(e.to_string()))
+            text(path).and_then(|text| io::vs3::read(&text, unit).map_err(|e| e.to_string()))
         }
-        Some("rad" | "mat") => read_rad(common),
-        _ => Err(at(
-            "is not a format that can be read: .json, .obj, .vs3 and .rad are".into(),
-        )),
-    }
+        Some("rad" | "mat") => return rad(common),
+        _ => Err(
+            "is not a format that can be read: .json, .obj, .gltf, .glb, .stl, .vs3 and .rad are"
+                .to_owned(),
+        ),
+    };
+    scene.map_err(|message| Failure::unreadable(format!("{}: {message}", path.display())))
+}
+
+fn obj(path: &Path, unit: LengthUnit) -> Result<antumbra::SceneInput, String> {
+    let obj = text(path)?;
+    let folder = path.parent().unwrap_or(Path::new("."));
+    io::obj::read(&obj, &mut |name| text(&folder.join(name)), unit).map_err(|e| e.to_string())
+}
+
+fn gltf(path: &Path, unit: LengthUnit) -> Result<antumbra::SceneInput, String> {
+    let gltf = bytes(path)?;
+    let folder = path.parent().unwrap_or(Path::new("."));
+    io::gltf::read(&gltf, &mut |name| bytes(&folder.join(name)), unit).map_err(|e| e.to_string())
+}
+
+fn bytes(path: &Path) -> Result<Vec<u8>, String> {
+    std::fs::read(path).map_err(|e| e.to_string())
+}
+
+fn text(path: &Path) -> Result<String, String> {
+    String::from_utf8(bytes(path)?).map_err(|_| "is not UTF-8 text".to_owned())
 }
 
 /// All `.rad` files of the command line, as one scene.
-fn read_rad(common: &Common) -> Result<antumbra::SceneInput, Failure> {
+fn rad(common: &Common) -> Result<antumbra::SceneInput, Failure> {
     let mut files = Vec::with_capacity(1 + common.more.len());
     for path in std::iter::once(&common.scene).chain(&common.more) {
         let name = path.display().to_string();
@@ -75,11 +91,6 @@ fn read_rad(common: &Common) -> Result<antumbra::SceneInput, Failure> {
         };
         Failure::unreadable(format!("{place}{e}"))
     })
-}
-
-fn text(path: &Path) -> Result<String, String> {
-    let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
-    String::from_utf8(bytes).map_err(|_| "is not UTF-8 text".to_owned())
 }
 
 /// Reads and checks a scene; warnings are shown unless `--quiet`.

@@ -10,12 +10,11 @@
 //! the one surface that has it.
 
 use crate::ReadError;
+use crate::materials::{DEFAULT_REFLECTANCE, in_as_few_bands};
+use crate::names::Namer;
 use antumbra_scene::{LengthUnit, MaterialInput, Quantity, SceneInput, SurfaceInput};
 use glam::DVec3;
-use std::collections::{BTreeMap, BTreeSet};
-
-/// Reflectance of faces without a material.
-const DEFAULT_REFLECTANCE: f64 = 0.5;
+use std::collections::BTreeMap;
 
 /// Reads an OBJ file.
 ///
@@ -259,29 +258,10 @@ impl Parser {
             has_default = true;
         }
         if has_default {
-            materials.push(MaterialInput {
-                name: default.to_owned(),
-                reflectance: vec![DEFAULT_REFLECTANCE],
-                exitance: vec![0.0],
-                two_sided: false,
-            });
+            materials.push(crate::materials::default(default.to_owned()));
         }
-        drop_equal_bands(&mut materials);
+        in_as_few_bands(&mut materials);
         materials
-    }
-}
-
-/// A grey file needs one band.
-pub(crate) fn drop_equal_bands(materials: &mut [MaterialInput]) {
-    let is_grey = |values: &[f64]| values.iter().all(|v| v.to_bits() == values[0].to_bits());
-    if materials
-        .iter()
-        .all(|m| is_grey(&m.reflectance) && is_grey(&m.exitance))
-    {
-        for material in materials {
-            material.reflectance.truncate(1);
-            material.exitance.truncate(1);
-        }
     }
 }
 
@@ -334,42 +314,6 @@ fn default_name(library: &BTreeMap<String, Mtl>, used: &[(Option<String>, usize)
         name.push('_');
     }
     name
-}
-
-/// Gives every face a name of its own.
-pub(crate) struct Namer {
-    /// Faces of each group, and how many of them have a name already.
-    groups: BTreeMap<Option<String>, (usize, usize)>,
-    taken: BTreeSet<String>,
-}
-
-impl Namer {
-    pub(crate) fn new<'a>(groups: impl Iterator<Item = Option<&'a str>>) -> Self {
-        let mut counts: BTreeMap<Option<String>, (usize, usize)> = BTreeMap::new();
-        for group in groups {
-            counts.entry(group.map(str::to_owned)).or_default().0 += 1;
-        }
-        Self {
-            groups: counts,
-            taken: BTreeSet::new(),
-        }
-    }
-
-    pub(crate) fn next(&mut self, group: Option<&str>) -> String {
-        let (n, named) = self.groups.entry(group.map(str::to_owned)).or_default();
-        *named += 1;
-        let name = match group {
-            Some(group) if *n == 1 => group.to_owned(),
-            _ => format!("{}.{named}", group.unwrap_or("surface")),
-        };
-        let mut unique = name.clone();
-        let mut k = 2;
-        while !self.taken.insert(unique.clone()) {
-            unique = format!("{name}_{k}");
-            k += 1;
-        }
-        unique
-    }
 }
 
 fn library(file: &str, text: &str) -> Result<Vec<(String, Mtl)>, ReadError> {

@@ -30,14 +30,13 @@
 //! Synthetic Imaging System*, section 2.
 
 use crate::ReadError;
-use crate::obj::{Namer, drop_equal_bands};
+use crate::materials::{DEFAULT_REFLECTANCE, in_as_few_bands};
+use crate::names::Namer;
 use antumbra_scene::{LengthUnit, MaterialInput, Quantity, SceneInput, SurfaceInput};
 use glam::{DVec3, dvec3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 
-/// Reflectance where a file does not tell.
-const DEFAULT_REFLECTANCE: f64 = 0.5;
 /// Files within files: deeper is taken for a circle.
 const DEEPEST_INCLUDE: usize = 8;
 /// Files within files, all together: a chain of circles grows without end.
@@ -376,7 +375,7 @@ impl Parser {
         }
         let skipped = self.skipped_notes(is_single);
         self.notes.extend(skipped);
-        drop_equal_bands(&mut materials);
+        in_as_few_bands(&mut materials);
 
         let mut namer = Namer::new(
             self.polygons
