@@ -137,12 +137,13 @@ impl FormFactors {
         (0..self.n()).map(|i| self.row(i).iter().sum()).collect()
     }
 
-    /// The row sum farthest from 1, of surfaces that have an area: which surface, and
-    /// the sum. `None` without surfaces.
+    /// The row sum farthest from 1: of which surface, and the sum. Surfaces that see
+    /// nothing, such as the bottom of a box on the floor, are passed over; `None` if
+    /// all are such.
     #[must_use]
     pub fn closure(&self) -> Option<(usize, f64)> {
         let sums = self.row_sums().into_iter().enumerate();
-        sums.filter(|&(i, _)| self.areas[i] > 0.0)
+        sums.filter(|&(_, sum)| sum > 0.0)
             .max_by(|a, b| (a.1 - 1.0).abs().total_cmp(&(b.1 - 1.0).abs()))
     }
 

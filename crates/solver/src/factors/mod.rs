@@ -55,7 +55,8 @@ const CHECKED: usize = 256;
 /// Factors are geometric: every surface counts, whatever its material. A surface sees
 /// with its front, a two-sided one with both sides: its factors are then the mean of
 /// both, and its area is that of both. Every surface blocks light from both sides, by
-/// the rules of [`Evaluator`].
+/// the rules of [`Evaluator`]. Surfaces in one plane exchange nothing, also where one
+/// lies on the other: what a box on a floor covers is missing from the floor's row.
 ///
 /// A pair is computed once and gives the factors of both directions; a sample of
 /// pairs is computed from the other side as well, by independent integrals, to measure
@@ -93,9 +94,7 @@ pub fn form_factors(
     let n_pairs = (n as usize * (n as usize).saturating_sub(1) / 2).max(1);
     let n_done = AtomicUsize::new(0);
     let one = |a: FaceId, b: FaceId, scratch: &mut Scratch| {
-        let Some(pair) = Pair::new(evaluator, a, b) else {
-            return None;
-        };
+        let pair = Pair::new(evaluator, a, b)?;
         let [s, t] = [a, b].map(|face| scene.face(face).surface.index());
         let smaller = areas[s].min(areas[t]);
         if should_stop() {
