@@ -169,3 +169,54 @@ fn read_point(fields: &[serde_json::Value]) -> Probe {
         Probe::Surface(surface.to_owned(), vector(1))
     }
 }
+
+/// A case of form factors between surfaces.
+#[derive(Clone, Debug)]
+pub struct FactorCase {
+    /// File name without extension.
+    pub id: String,
+    /// The scene.
+    pub scene: SceneInput,
+    /// Names of surfaces, the order of `factors`.
+    pub names: Vec<String>,
+    /// The factor from the first index to the second, where it is known.
+    pub factors: Vec<Vec<Option<f64>>>,
+    /// Allowed error, absolute.
+    pub atol: f64,
+}
+
+#[derive(Deserialize)]
+struct FactorCaseFile {
+    scene: serde_json::Value,
+    names: Vec<String>,
+    #[serde(rename = "F")]
+    factors: Vec<Vec<Option<f64>>>,
+    atol: f64,
+}
+
+/// The cases of `fixtures/validation/factors`, by name.
+///
+/// # Panics
+///
+/// If there is none, or a file is none.
+#[must_use]
+pub fn factor_cases() -> Vec<FactorCase> {
+    let files = json_files(&fixtures().join("validation/factors"));
+    assert!(!files.is_empty(), "no case in fixtures/validation/factors");
+    files.iter().map(|path| read_factor_case(path)).collect()
+}
+
+fn read_factor_case(path: &Path) -> FactorCase {
+    let fail = |e: String| -> ! { panic!("{}: {e}", path.display()) };
+    let text = std::fs::read_to_string(path).unwrap_or_else(|e| fail(e.to_string()));
+    let file: FactorCaseFile = serde_json::from_str(&text).unwrap_or_else(|e| fail(e.to_string()));
+    FactorCase {
+        id: path
+            .file_stem()
+            .map_or_else(String::new, |s| s.to_string_lossy().into_owned()),
+        scene: scene_file::read(&file.scene.to_string()).unwrap_or_else(|e| fail(e.to_string())),
+        names: file.names,
+        factors: file.factors,
+        atol: file.atol,
+    }
+}

@@ -1,10 +1,10 @@
 //! From the engine's meshes to what the writers write.
 
 use crate::pipeline::ReceiverCurves;
-use antumbra_io::model::{Curve, CurveEdge, Field, MeshedScene, SurfaceMesh};
+use antumbra_io::model::{Curve, CurveEdge, FactorTable, Field, MeshedScene, SurfaceMesh};
 use antumbra_mesh::Order;
-use antumbra_scene::{EdgeId, FaceId, Scene, VertexId};
-use antumbra_solver::{DirectSolution, ReceiverMesh};
+use antumbra_scene::{EdgeId, FaceId, Scene, Surface, VertexId};
+use antumbra_solver::{DirectSolution, FormFactors, ReceiverMesh};
 use antumbra_visibility::{CriticalCurve, Discontinuity, Event};
 
 /// The meshes in file units with names, for the writers of [`crate::io`].
@@ -28,6 +28,33 @@ pub fn export(
             .zip(curves)
             .map(|(mesh, curves)| surface(scene, mesh, curves))
             .collect(),
+        provenance: provenance.to_owned(),
+    }
+}
+
+/// Form factors as a table for the writers of [`crate::io`].
+///
+/// * `is_repaired` — were they scaled by [`FormFactors::repair`]?
+#[must_use]
+pub fn export_factors(
+    scene: &Scene,
+    matrix: &FormFactors,
+    is_repaired: bool,
+    provenance: &str,
+) -> FactorTable {
+    let emissivity = |surface: &Surface| {
+        let reflectance = &scene.materials[surface.material.index()].reflectance;
+        1.0 - reflectance.iter().sum::<f64>() / reflectance.len().max(1) as f64
+    };
+    FactorTable {
+        length_unit: scene.length_unit.symbol().to_owned(),
+        names: matrix.names.clone(),
+        areas: matrix.areas.clone(),
+        emissivities: scene.surfaces.iter().map(emissivity).collect(),
+        values: matrix.values.clone(),
+        errors: matrix.errors.clone(),
+        is_repaired,
+        is_closed: scene.report().closed,
         provenance: provenance.to_owned(),
     }
 }

@@ -41,17 +41,17 @@ pub use antumbra_io as io;
 pub use antumbra_mesh::Order;
 pub use antumbra_scene::{self as scene, Problem, Scene, SceneInput, Severity};
 pub use antumbra_solver::{
-    self as solver, DirectSolution, Ended, Power, RadiosityOptions, RadiositySolution,
-    ReceiverMesh, RowSums, Tolerance,
+    self as solver, DirectSolution, Ended, FactorOptions, FormFactors, NotClosed, Power,
+    RadiosityOptions, RadiositySolution, ReceiverMesh, Reciprocity, Repair, RowSums, Tolerance,
 };
 pub use antumbra_visibility::{
     self as visibility, CriticalCurve, Discontinuity, Evaluator, Event, EventKind, EventKinds,
     Scratch,
 };
-pub use export::{export, generators, mesh_order_key, order_key};
+pub use export::{export, export_factors, generators, mesh_order_key, order_key};
 pub use light::ExactLight;
 pub use pipeline::{
-    Control, Error, EventCounts, Events, Meshed, Options, Phase, ReceiverCurves, Solved, mesh,
-    plan, solve,
+    Control, Error, EventCounts, Events, Meshed, Options, Phase, ReceiverCurves, Solved, factors,
+    mesh, plan, solve,
 };
 pub use plan::{Decision, Effect, Expected, Plan, Quantity};

@@ -6,8 +6,8 @@ use crate::plan::{Plan, Quantity};
 use antumbra_mesh::{ArrangementOptions, MeshError, Order, TaggedCurve, TriMesh, arrange};
 use antumbra_scene::{Aabb, FaceId, Scene};
 use antumbra_solver::{
-    DirectMeshes, DirectOptions, DirectSolution, Postponed, RadiosityOptions, RadiositySolution,
-    Receiver, Tolerance, solve_radiosity,
+    DirectMeshes, DirectOptions, DirectSolution, FactorOptions, FormFactors, Postponed,
+    RadiosityOptions, RadiositySolution, Receiver, Tolerance, form_factors, solve_radiosity,
 };
 use antumbra_visibility::{
     CountByKind, CriticalCurve, CriticalCurves, Discontinuity, Evaluator, EventKind, EventKinds,
@@ -95,6 +95,8 @@ pub enum Phase {
     Irradiance,
     /// Interreflection.
     Radiosity,
+    /// Form factors between surfaces.
+    Factors,
 }
 
 impl Phase {
@@ -106,6 +108,7 @@ impl Phase {
             Self::Arrangement => "arrangement",
             Self::Irradiance => "irradiance",
             Self::Radiosity => "radiosity",
+            Self::Factors => "factors",
         }
     }
 }
@@ -250,6 +253,36 @@ pub fn solve(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<
         curves: direct.curves,
         events: direct.events,
         plan: direct.plan,
+    })
+}
+
+/// The form factors between all surfaces of a scene, to a tolerance.
+///
+/// See [`form_factors`] for what they mean; [`export_factors`](crate::export_factors)
+/// makes a table for the writers of [`crate::io`].
+///
+/// # Example
+///
+/// ```
+/// use antumbra::{Control, FactorOptions, Scene, factors, io};
+///
+/// // Two unit squares, one above the other.
+/// let text = r#"{ "antumbra": 1, "materials": { "m": {} }, "surfaces": [
+///     { "name": "a", "material": "m", "vertices": [[0,0,0], [1,0,0], [1,1,0], [0,1,0]] },
+///     { "name": "b", "material": "m", "vertices": [[0,0,1], [0,1,1], [1,1,1], [1,0,1]] } ] }"#;
+/// let input = io::scene_file::read(text)?;
+/// let scene = Scene::build(&input).map_err(|problems| format!("{problems:#?}"))?.scene;
+/// let matrix = factors(&scene, &FactorOptions::default(), &Control::default());
+/// assert!((matrix.factor(0, 1) - 0.199_824_895_698_387_4).abs() < 1e-14);
+/// assert_eq!(matrix.row_sums()[0], matrix.factor(0, 1));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[must_use]
+pub fn factors(scene: &Scene, options: &FactorOptions, control: &Control<'_>) -> FormFactors {
+    (control.progress)(Phase::Factors, 0.0);
+    let evaluator = Evaluator::new(scene);
+    form_factors(&evaluator, options, control.should_stop, &|done| {
+        (control.progress)(Phase::Factors, done);
     })
 }
 

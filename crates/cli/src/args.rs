@@ -31,6 +31,8 @@ pub(crate) enum Command {
     Solve(Mesh),
     /// Values at points.
     Probe(Probe),
+    /// The matrix of form factors between surfaces, with raw row sums and reciprocity.
+    Factors(Factors),
     /// Pictures: false colour with legend and isolux lines (PNG), per-surface maps (SVG).
     Render(Render),
 }
@@ -42,6 +44,7 @@ impl Command {
             Self::Plan(plan) => &plan.common,
             Self::Mesh(mesh) | Self::Solve(mesh) => &mesh.common,
             Self::Probe(probe) => &probe.common,
+            Self::Factors(factors) => &factors.common,
             Self::Render(render) => &render.common,
         }
     }
@@ -103,6 +106,13 @@ pub(crate) struct Meshing {
     /// The mesh generator.
     #[arg(long, value_name = "NAME", default_value = "discontinuity")]
     pub(crate) mesher: Mesher,
+    #[command(flatten)]
+    pub(crate) limits: Limits,
+}
+
+/// When to end early.
+#[derive(Args, Debug)]
+pub(crate) struct Limits {
     /// No more memory than this, such as 500MB or 2GB: then the result so far is written.
     #[arg(long, value_name = "SIZE", value_parser = memory)]
     pub(crate) max_memory: Option<u64>,
@@ -184,6 +194,25 @@ pub(crate) struct Probe {
     /// Irradiance with interreflection.
     #[arg(long)]
     pub(crate) solve: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Factors {
+    #[command(flatten)]
+    pub(crate) common: Common,
+    /// Largest error of any form factor, absolute.
+    #[arg(long, value_name = "F", value_parser = positive, default_value = "1e-6")]
+    pub(crate) tolerance: f64,
+    /// Scale the factors of a closed scene so that every row sums up to 1, keeping
+    /// reciprocity; says what that changed.
+    #[arg(long)]
+    pub(crate) repair: bool,
+    #[command(flatten)]
+    pub(crate) limits: Limits,
+    /// A file to write; its extension says what: .csv, .json, or .txt for the text of
+    /// View3D. May be given several times.
+    #[arg(long, short, value_name = "OUT")]
+    pub(crate) output: Vec<PathBuf>,
 }
 
 #[derive(Args, Debug)]

@@ -4,6 +4,7 @@
 
 mod args;
 mod check;
+mod factors;
 mod failure;
 mod input;
 mod mesh;
@@ -49,6 +50,7 @@ fn main() -> ExitCode {
         Command::Mesh(mesh) => mesh::run(mesh, mesh::Work::Mesh),
         Command::Solve(mesh) => mesh::run(mesh, mesh::Work::Solve),
         Command::Probe(probe) => probe::run(probe),
+        Command::Factors(factors) => factors::run(factors),
         Command::Render(render) => render::run(render),
     });
     let failure = match outcome {

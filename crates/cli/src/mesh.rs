@@ -52,7 +52,7 @@ pub(crate) fn run(mesh: &Mesh, work: Work) -> Result<Ending, Failure> {
     let formats = output::formats(&mesh.output, &output::MESHES)?;
     let loaded = input::load(common)?;
     output::check_look(&mesh.picture, &loaded.scene, work)?;
-    let watch = Watch::new(common, &mesh.meshing);
+    let watch = Watch::new(common, &mesh.meshing.limits);
     let done = compute(&loaded, &mesh.meshing, &watch, work)?;
     let result = done.as_report();
     let exported = result.export(&loaded);

@@ -4,7 +4,7 @@ use crate::args::Picture;
 use crate::failure::Failure;
 use crate::mesh::Work;
 use antumbra::Scene;
-use antumbra::io::model::MeshedScene;
+use antumbra::io::model::{FactorTable, MeshedScene};
 use antumbra::io::{picture, write};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -19,6 +19,7 @@ pub(crate) enum Format {
     Csv,
     Svg,
     Png,
+    Txt,
 }
 
 /// The formats of all outputs, checked before any work is done: the extension
@@ -43,6 +44,7 @@ pub(crate) fn formats(outputs: &[PathBuf], allowed: &[Format]) -> Result<Vec<For
                 Some("csv") => Format::Csv,
                 Some("svg") => Format::Svg,
                 Some("png") => Format::Png,
+                Some("txt") => Format::Txt,
                 _ => return Err(unknown(path)),
             };
             if !allowed.contains(&format) {
@@ -120,6 +122,27 @@ pub(crate) fn write(
             options.check(scene).map_err(std::io::Error::other)?;
             picture::write_png(&picture::render(scene, &options), out)
         }
+        Format::Txt => Err(std::io::Error::other("a mesh is not written as text")),
+    })
+}
+
+/// Every format a matrix of form factors can be written in.
+pub(crate) const FACTORS: [Format; 3] = [Format::Csv, Format::Json, Format::Txt];
+
+/// Writes a matrix of form factors: into a new file beside it, which then takes its
+/// name.
+pub(crate) fn write_factors(
+    path: &Path,
+    format: Format,
+    table: &FactorTable,
+) -> Result<(), Failure> {
+    atomically(path, |out| match format {
+        Format::Csv => write::factors::write_csv(table, out),
+        Format::Json => write::factors::write_json(table, out),
+        Format::Txt => write::factors::write_view3d(table, out),
+        _ => Err(std::io::Error::other(
+            "form factors are written as .csv, .json or .txt",
+        )),
     })
 }
 

@@ -15,7 +15,7 @@ use std::time::Instant;
 pub(crate) fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     let common = &args.common;
     let loaded = input::load(common)?;
-    let watch = Watch::new(common, &args.meshing);
+    let watch = Watch::new(common, &args.meshing.limits);
     let control = Control {
         should_stop: &|| watch.should_stop(),
         progress: &|phase, done| watch.progress(phase, done),

@@ -61,7 +61,7 @@ pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
     }
     let mut ending = Ending::Done;
     let mut with_mesh = |work: Work| -> Result<Done, Failure> {
-        let watch = Watch::new(common, &probe.meshing);
+        let watch = Watch::new(common, &probe.meshing.limits);
         let done = mesh::compute(&loaded, &probe.meshing, &watch, work)?;
         watch.finish();
         ending = mesh::ending(&watch, &done.as_report());

@@ -1,7 +1,7 @@
 //! Progress, the clock, and stopping: budget, memory, interruption.
 
 use crate::Ending;
-use crate::args::{Common, Meshing};
+use crate::args::{Common, Limits};
 use antumbra::Phase;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal as _;
@@ -36,7 +36,7 @@ pub(crate) struct Watch {
 }
 
 impl Watch {
-    pub(crate) fn new(common: &Common, meshing: &Meshing) -> Self {
+    pub(crate) fn new(common: &Common, limits: &Limits) -> Self {
         let shown = !(common.quiet || common.no_progress);
         let terminal = std::io::stderr().is_terminal();
         let bar = (shown && terminal).then(|| {
@@ -51,8 +51,8 @@ impl Watch {
         });
         Self {
             started: Instant::now(),
-            budget: meshing.budget.map(Duration::from_secs_f64),
-            max_memory: meshing.max_memory,
+            budget: limits.budget.map(Duration::from_secs_f64),
+            max_memory: limits.max_memory,
             stopped: Mutex::new(None),
             phases: Mutex::new(Vec::new()),
             bar,

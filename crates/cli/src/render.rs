@@ -19,7 +19,7 @@ pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
         Work::Solve
     };
     output::check_look(&render.picture, &loaded.scene, work)?;
-    let watch = Watch::new(common, &render.meshing);
+    let watch = Watch::new(common, &render.meshing.limits);
     let done = mesh::compute(&loaded, &render.meshing, &watch, work)?;
     let result = done.as_report();
     watch.finish();

@@ -1,4 +1,5 @@
-//! What the writers write: meshes with values, in file units, free of the engine.
+//! What the writers write: meshes with values, and matrices of form factors, in file
+//! units, free of the engine.
 
 use antumbra_geom::{DVec2, DVec3};
 
@@ -96,5 +97,42 @@ impl SurfaceMesh {
     #[must_use]
     pub fn field(&self, name: &str) -> Option<&Field> {
         self.fields.iter().find(|f| f.name == name)
+    }
+}
+
+/// Form factors between surfaces, ready to be written.
+#[derive(Clone, Debug, Default)]
+pub struct FactorTable {
+    /// `m`, `mm`, …: areas are in its square.
+    pub length_unit: String,
+    /// Names of the surfaces.
+    pub names: Vec<String>,
+    /// Their areas; those of both sides for two-sided surfaces.
+    pub areas: Vec<f64>,
+    /// 1 less the mean of the reflectance over the bands.
+    pub emissivities: Vec<f64>,
+    /// Row by row: the factor from surface `i` to `j` is at `i * n + j`.
+    pub values: Vec<f64>,
+    /// Estimated errors of the factors, in the same order.
+    pub errors: Vec<f64>,
+    /// Were the rows scaled to sum up to 1?
+    pub is_repaired: bool,
+    /// Do the surfaces enclose a volume?
+    pub is_closed: bool,
+    /// The command or call that made it, for headers.
+    pub provenance: String,
+}
+
+impl FactorTable {
+    /// The factors from one surface to all, row by row.
+    pub fn rows(&self) -> impl Iterator<Item = &[f64]> {
+        // A table without surfaces has no rows; chunks cannot be empty.
+        self.values.chunks(self.names.len().max(1))
+    }
+
+    /// The sums of the rows.
+    #[must_use]
+    pub fn row_sums(&self) -> Vec<f64> {
+        self.rows().map(|row| row.iter().sum()).collect()
     }
 }

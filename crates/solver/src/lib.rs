@@ -1,10 +1,12 @@
-//! Elements, direct irradiance to a tolerance, radiosity.
+//! Elements, direct irradiance to a tolerance, form factors, radiosity.
 
 pub mod basis;
 mod direct;
+mod factors;
 mod field;
 mod radiosity;
 
 pub use direct::{DirectMeshes, DirectOptions, DirectSolution, Ended, Tolerance};
+pub use factors::{FactorOptions, FormFactors, NotClosed, Reciprocity, Repair, form_factors};
 pub use field::{KINK_D1, KINK_D2, Light, Postponed, Receiver, ReceiverMesh, Sample};
 pub use radiosity::{Power, RadiosityOptions, RadiositySolution, RowSums, solve_radiosity};

@@ -330,6 +330,51 @@ impl<'s> Evaluator<'s> {
         Some(list)
     }
 
+    /// Those of `occluders` that reach into the convex hull of two polygons: no
+    /// other hides anything of `b` from `a` but on a set of measure zero.
+    ///
+    /// * `a`, `b` — corners, scene units; from [`Evaluator::between`]'s polygons, or
+    ///   parts of them.
+    /// * `occluders` — from [`Evaluator::between`] for polygons that hold these.
+    ///
+    /// Occluders that only touch the hull, such as the walls of a convex room, are
+    /// left out: good for integrals, not for values on the border.
+    #[must_use]
+    pub fn narrow(&self, a: &[DVec3], b: &[DVec3], occluders: &[u32]) -> Vec<u32> {
+        let tolerance = self.scene.plane_tolerance();
+        let all = || a.iter().chain(b).copied();
+        let bounds = Aabb::of(all());
+        let is_near =
+            |&&piece: &&u32| Aabb::of(self.occluder_corners(piece).iter().copied()).meets(&bounds);
+        let near: smallvec::SmallVec<[u32; 16]> =
+            occluders.iter().filter(is_near).copied().collect();
+        if near.is_empty() {
+            return Vec::new();
+        }
+        let mut walls: smallvec::SmallVec<[(DVec3, f64); 32]> = smallvec::SmallVec::new();
+        for polygon in [a, b] {
+            if let [p, q, r, ..] = *polygon {
+                walls.extend(supporting_plane([p, q, r], all(), tolerance));
+            }
+        }
+        for (edges, points) in [(a, b), (b, a)] {
+            for i in 0..edges.len() {
+                let (p, q) = (edges[i], edges[(i + 1) % edges.len()]);
+                for &r in points {
+                    walls.extend(supporting_plane([p, q, r], all(), tolerance));
+                }
+            }
+        }
+        let reaches_in = |&piece: &u32| {
+            let mut part: smallvec::SmallVec<[DVec3; 12]> = self.occluder_corners(piece).into();
+            walls.iter().all(|&(normal, offset)| {
+                part = inside(&part, normal, offset - tolerance);
+                !part.is_empty()
+            })
+        };
+        near.into_iter().filter(reaches_in).collect()
+    }
+
     fn occluder_corners(&self, piece: u32) -> &[DVec3] {
         let o = &self.occluders[piece as usize];
         &self.corners[o.start as usize..(o.start + o.len) as usize]
@@ -662,6 +707,22 @@ impl<'s> Evaluator<'s> {
         );
         found.sort_unstable();
     }
+}
+
+/// The part of a convex polygon where `normal · x < offset`.
+fn inside(polygon: &[DVec3], normal: DVec3, offset: f64) -> smallvec::SmallVec<[DVec3; 12]> {
+    let mut kept = smallvec::SmallVec::new();
+    for (i, &p) in polygon.iter().enumerate() {
+        let q = polygon[(i + 1) % polygon.len()];
+        let (hp, hq) = (normal.dot(p) - offset, normal.dot(q) - offset);
+        if hp < 0.0 {
+            kept.push(p);
+        }
+        if (hp < 0.0) != (hq < 0.0) {
+            kept.push(p + (q - p) * (hp / (hp - hq)));
+        }
+    }
+    kept
 }
 
 /// Does the front of the source face the point (or the side it is approached from)?

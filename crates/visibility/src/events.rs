@@ -224,7 +224,39 @@ pub fn critical_curves(
         }
     }
     let mut result = tracer.result;
-    result.curves.sort_by(|a, b| {
+    sort(&mut result.curves);
+    for curve in &result.curves {
+        result.active[curve.kind() as usize] += 1;
+    }
+    result
+}
+
+/// The critical curves on a receiver of one face as if it were the only emitter;
+/// contacts are not among them.
+///
+/// * `occluders` — what may stand between, positions in
+///   [`antumbra_scene::Scene::pieces`], ascending: from [`Evaluator::between`] or
+///   [`Evaluator::narrow`].
+/// * `contact_radius` — gaps smaller than this count as contact; scene units.
+#[must_use]
+pub fn critical_curves_between(
+    evaluator: &Evaluator<'_>,
+    receiver: FaceId,
+    emitter: FaceId,
+    occluders: Vec<u32>,
+    kinds: EventKinds,
+    contact_radius: f64,
+) -> Vec<CriticalCurve> {
+    let mut tracer = Tracer::new(evaluator, receiver, contact_radius);
+    tracer.emitter_behind(emitter, occluders, kinds);
+    let mut curves = tracer.result.curves;
+    sort(&mut curves);
+    curves
+}
+
+/// Sorts curves by their generators, then by where they are.
+fn sort(curves: &mut [CriticalCurve]) {
+    curves.sort_by(|a, b| {
         let key = |c: &CriticalCurve| (c.event, c.emitter);
         key(a).cmp(&key(b)).then_with(|| {
             let [p, q] = [a.shape.ends(), b.shape.ends()];
@@ -234,8 +266,4 @@ pub fn critical_curves(
                 .unwrap_or(std::cmp::Ordering::Equal)
         })
     });
-    for curve in &result.curves {
-        result.active[curve.kind() as usize] += 1;
-    }
-    result
 }

@@ -42,7 +42,8 @@ pub fn write(scene: &MeshedScene, out: &mut impl Write) -> Result<()> {
     Ok(())
 }
 
-fn quoted(text: &str) -> String {
+/// A field of a CSV file, in quotes if it needs them.
+pub(crate) fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {

@@ -7,6 +7,7 @@
 //! `null` or grey.
 
 pub mod csv;
+pub mod factors;
 pub mod json;
 pub(crate) mod lattice;
 pub mod obj;

@@ -146,7 +146,24 @@ impl<'e, 's> Tracer<'e, 's> {
         ) else {
             return;
         };
-        let shaft = Shaft::new(self.scene, self.adjacency, self.receiver, emitter, between);
+        self.emitter_behind(emitter, between, kinds);
+    }
+
+    /// All events between the receiver and one emitter behind these occluders
+    /// (positions in [`Scene::pieces`], ascending).
+    pub(crate) fn emitter_behind(
+        &mut self,
+        emitter: FaceId,
+        occluders: Vec<u32>,
+        kinds: EventKinds,
+    ) {
+        let shaft = Shaft::new(
+            self.scene,
+            self.adjacency,
+            self.receiver,
+            emitter,
+            occluders,
+        );
         if kinds.contains(EventKind::Horizon) {
             self.horizon(&shaft);
         }

@@ -1,0 +1,204 @@
+//! Form factors between surfaces, to a tolerance.
+//!
+//! `F` from one surface to another is the fraction of what leaves the one, diffuse
+//! and uniform, that arrives at the other. Pairs with nothing between have a closed
+//! form (`contour`). For the others the exact factor from a point is integrated over
+//! one of the two (`pair`), on cells bounded by the critical curves of the pair
+//! (`cells`), so that adaptive cubature (`cubature`) sees smooth pieces and cannot
+//! miss a feature that is smaller than the distance of its points.
+
+mod cells;
+mod contour;
+mod cubature;
+mod matrix;
+mod pair;
+
+pub use matrix::{FormFactors, NotClosed, Reciprocity, Repair};
+
+use antumbra_scene::{FaceId, Scene, Surface};
+use antumbra_visibility::{
+    CriticalCurve, Evaluator, EventKind, EventKinds, Scratch, critical_curves,
+};
+use cubature::{Goal, Rule};
+use pair::{CONTACT, Exchange, Pair, Work};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// What is asked of [`form_factors`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FactorOptions {
+    /// The error allowed of every form factor, absolute.
+    pub tolerance: f64,
+    /// No more exact evaluations than this for one pair of faces, beyond one for
+    /// each point of its first cells.
+    pub most_evaluations: u64,
+}
+
+impl Default for FactorOptions {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-6,
+            most_evaluations: 2_000_000,
+        }
+    }
+}
+
+/// The share of the tolerance that a pair is integrated to: what is left is for the
+/// sum of many in a row.
+const AIM: f64 = 0.25;
+
+/// About so many pairs are computed a second time, from the other side.
+const CHECKED: usize = 256;
+
+/// The form factors between all surfaces of a scene.
+///
+/// Factors are geometric: every surface counts, whatever its material. A surface sees
+/// with its front, a two-sided one with both sides: its factors are then the mean of
+/// both, and its area is that of both. Every surface blocks light from both sides, by
+/// the rules of [`Evaluator`]. Surfaces in one plane exchange nothing, also where one
+/// lies on the other: what a box on a floor covers is missing from the floor's row.
+///
+/// A pair is computed once and gives the factors of both directions; a sample of
+/// pairs is computed from the other side as well, by independent integrals, to measure
+/// the reciprocity ([`FormFactors::reciprocity`]). Nothing is normalised.
+///
+/// * `should_stop` — asked now and then: end with what there is?
+/// * `progress` — told how much is done, 0 to 1.
+///
+/// The result does not depend on the number of threads, to the bit, unless it was
+/// stopped.
+///
+/// # Source
+///
+/// Area integral of the exact point factor, on a discontinuity mesh: the cells are
+/// those of Heckbert 1992 and Lischinski, Tampieri & Greenberg 1992 (H92, LTG92 in
+/// `docs/references.md`), for one emitter at a time.
+#[must_use]
+pub fn form_factors(
+    evaluator: &Evaluator<'_>,
+    options: &FactorOptions,
+    should_stop: &(dyn Fn() -> bool + Sync),
+    progress: &(dyn Fn(f64) + Sync),
+) -> FormFactors {
+    let scene = evaluator.scene();
+    let n = scene.faces.len() as u32;
+    let rule = Rule::new();
+    let contacts: Vec<Vec<CriticalCurve>> = (0..n)
+        .into_par_iter()
+        .map(|face| {
+            let kinds = EventKinds::NONE.with(EventKind::Contact);
+            critical_curves(evaluator, FaceId(face), kinds, CONTACT * scene.extent).curves
+        })
+        .collect();
+    let areas = surface_areas(scene);
+    let n_pairs = (n as usize * (n as usize).saturating_sub(1) / 2).max(1);
+    let n_done = AtomicUsize::new(0);
+    let one = |a: FaceId, b: FaceId, scratch: &mut Scratch| {
+        let pair = Pair::new(evaluator, a, b)?;
+        let [s, t] = [a, b].map(|face| scene.face(face).surface.index());
+        let smaller = areas[s].min(areas[t]);
+        if should_stop() {
+            return Some(Entry::left_out(a, b, smaller));
+        }
+        let [faces_s, faces_t] = [s, t].map(|s| scene.surfaces[s].faces.len() as f64);
+        let goal = Goal {
+            error: AIM * options.tolerance * smaller / (faces_s * faces_t),
+            most_evaluations: options.most_evaluations,
+            should_stop,
+        };
+        let mut work = Work {
+            evaluator,
+            rule: &rule,
+            contacts: &contacts,
+            scratch,
+        };
+        let there = pair.exchange(pair.better(), &mut work, &goal);
+        let back = is_checked(a, b, n_pairs).then(|| {
+            let goal = Goal {
+                // The other side may be much larger, and more happens there.
+                most_evaluations: options.most_evaluations.min(32 * there.evaluations),
+                ..goal
+            };
+            pair.exchange(1 - pair.better(), &mut work, &goal)
+        });
+        Some(Entry::new(a, b, there, back))
+    };
+    let entries: Vec<Vec<Entry>> = (0..n)
+        .into_par_iter()
+        .with_max_len(1)
+        .map_init(Scratch::default, |scratch, a| {
+            (a + 1..n)
+                .filter_map(|b| {
+                    let entry = one(FaceId(a), FaceId(b), scratch);
+                    let done = n_done.fetch_add(1, Ordering::Relaxed);
+                    if entry.is_some() {
+                        progress(done as f64 / n_pairs as f64);
+                    }
+                    entry
+                })
+                .collect()
+        })
+        .collect();
+    FormFactors::assemble(scene, &areas, &entries.concat())
+}
+
+/// What two faces exchange, from one side and perhaps from the other.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    faces: [FaceId; 2],
+    exchange: Exchange,
+    /// The same, integrated over the other side.
+    back: Option<Exchange>,
+    is_left_out: bool,
+}
+
+impl Entry {
+    /// Two results that differ by more than both estimates tell of an error: it
+    /// counts.
+    fn new(a: FaceId, b: FaceId, there: Exchange, back: Option<Exchange>) -> Self {
+        let mut exchange = there;
+        if let Some(back) = back {
+            let difference = (there.value - back.value).abs();
+            if difference > there.error + back.error {
+                exchange.error = difference;
+            }
+            exchange.evaluations += back.evaluations;
+        }
+        Self {
+            faces: [a, b],
+            exchange,
+            back,
+            is_left_out: false,
+        }
+    }
+
+    /// The factor may be anything.
+    fn left_out(a: FaceId, b: FaceId, smaller: f64) -> Self {
+        Self {
+            faces: [a, b],
+            exchange: Exchange {
+                value: 0.0,
+                error: smaller,
+                evaluations: 0,
+            },
+            back: None,
+            is_left_out: true,
+        }
+    }
+}
+
+/// Is this pair computed from both sides? All are in small scenes; in larger ones
+/// about [`CHECKED`], scattered by a hash of their ids.
+fn is_checked(a: FaceId, b: FaceId, n_pairs: usize) -> bool {
+    let key = (u64::from(a.0) << 32 | u64::from(b.0)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    (key >> 40).is_multiple_of(n_pairs.div_ceil(CHECKED) as u64)
+}
+
+/// The area of every surface, both sides of two-sided ones; square scene units.
+fn surface_areas(scene: &Scene) -> Vec<f64> {
+    let area = |s: &Surface| {
+        let faces = &scene.faces[s.faces.start as usize..s.faces.end as usize];
+        faces.iter().map(|f| f.area).sum()
+    };
+    scene.surfaces.iter().map(area).collect()
+}
