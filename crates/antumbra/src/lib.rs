@@ -41,8 +41,8 @@ pub use antumbra_io as io;
 pub use antumbra_mesh::Order;
 pub use antumbra_scene::{self as scene, Problem, Scene, SceneInput, Severity};
 pub use antumbra_solver::{
-    self as solver, DirectSolution, Ended, Power, RadiosityOptions, RadiositySolution,
-    ReceiverMesh, RowSums, Tolerance,
+    self as solver, DirectSolution, Ended, Power, Progress, RadiosityOptions, RadiositySolution,
+    Reached, ReceiverMesh, RowSums, Tolerance,
 };
 pub use antumbra_visibility::{
     self as visibility, CriticalCurve, Discontinuity, Evaluator, Event, EventKind, EventKinds,
