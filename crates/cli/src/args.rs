@@ -45,6 +45,17 @@ impl Command {
             Self::Render(render) => &render.common,
         }
     }
+
+    /// How to mesh, and with which limits; nothing where nothing is meshed.
+    pub(crate) fn meshing(&self) -> Option<&Meshing> {
+        match self {
+            Self::Check(_) => None,
+            Self::Plan(plan) => Some(&plan.meshing),
+            Self::Mesh(mesh) | Self::Solve(mesh) => Some(&mesh.meshing),
+            Self::Probe(probe) => Some(&probe.meshing),
+            Self::Render(render) => Some(&render.meshing),
+        }
+    }
 }
 
 /// What every command takes.
@@ -98,10 +109,13 @@ pub(crate) struct Meshing {
     /// The mesh generator.
     #[arg(long, value_name = "NAME", default_value = "discontinuity")]
     pub(crate) mesher: Mesher,
-    /// No more memory than this, such as 500MB or 2GB: then the result so far is written.
+    /// No more memory than this, such as 500MB or 2GB: then the result so far is written,
+    /// at about three quarters of it, for writing takes memory too.
     #[arg(long, value_name = "SIZE", value_parser = memory)]
     pub(crate) max_memory: Option<u64>,
-    /// No more time than this: then the result so far is written.
+    /// No more time than this, from the start on: then the result so far is written, with
+    /// coarse meshes where nothing is known yet. Up to a fifth of it, but no less than
+    /// 0.8 and no more than 10 seconds, goes into those.
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
     pub(crate) budget: Option<f64>,
 }

@@ -29,10 +29,21 @@ pub(crate) enum Ending {
     Interrupted,
 }
 
+impl Ending {
+    pub(crate) fn exit_code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::ToleranceNotReached => 5,
+            Self::BudgetReached => 6,
+            Self::Interrupted => 130,
+        }
+    }
+}
+
 fn main() -> ExitCode {
     // clap exits with 2 on bad usage and with 0 after --help.
     let options = Options::parse();
-    progress::catch_interrupts();
+    progress::start(options.command.meshing());
     if let Some(threads) = options.command.common().threads {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -52,10 +63,10 @@ fn main() -> ExitCode {
         Command::Render(render) => render::run(render),
     });
     let failure = match outcome {
-        Ok(Ok(Ending::Done)) => return ExitCode::SUCCESS,
-        Ok(Ok(Ending::ToleranceNotReached)) => return ExitCode::from(5),
-        Ok(Ok(Ending::BudgetReached)) => return ExitCode::from(6),
-        Ok(Ok(Ending::Interrupted)) => return ExitCode::from(130),
+        Ok(Ok(ending)) => match say::failure() {
+            None => return ExitCode::from(ending.exit_code()),
+            Some(failure) => failure,
+        },
         Ok(Err(failure)) => failure,
         Err(_) => Failure::internal("this is a bug in antumbra; please report it with the scene"),
     };

@@ -24,12 +24,9 @@ pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
     let result = done.as_report();
     watch.finish();
     let exported = result.export(&loaded);
-    for (path, format) in render.output.iter().zip(formats) {
-        output::write(path, format, &exported, &render.picture)?;
-        if common.json {
-            continue;
-        }
-        if !common.quiet {
+    output::write_all(&render.output, formats, &exported, &render.picture)?;
+    if !common.json && !common.quiet {
+        for path in &render.output {
             say!("wrote {}", path.display());
         }
     }
