@@ -35,8 +35,10 @@ mod export;
 mod light;
 mod pipeline;
 mod plan;
+pub mod reduce;
 pub mod values;
 
+pub use antumbra_geom as geom;
 pub use antumbra_io as io;
 pub use antumbra_mesh::Order;
 pub use antumbra_scene::{self as scene, Problem, Scene, SceneInput, Severity};

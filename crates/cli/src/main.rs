@@ -11,6 +11,7 @@ mod output;
 mod plan;
 mod probe;
 mod progress;
+mod reduce;
 mod render;
 mod report;
 mod say;
@@ -27,6 +28,8 @@ pub(crate) enum Ending {
     ToleranceNotReached,
     BudgetReached,
     Interrupted,
+    /// A try of `reduce` shows the failure.
+    Fails,
 }
 
 impl Ending {
@@ -36,6 +39,7 @@ impl Ending {
             Self::ToleranceNotReached => 5,
             Self::BudgetReached => 6,
             Self::Interrupted => 130,
+            Self::Fails => reduce::FAILS,
         }
     }
 }
@@ -61,6 +65,8 @@ fn main() -> ExitCode {
         Command::Solve(mesh) => mesh::run(mesh, mesh::Work::Solve),
         Command::Probe(probe) => probe::run(probe),
         Command::Render(render) => render::run(render),
+        Command::Reduce(args) => reduce::run(args),
+        Command::ReduceTry(args) => reduce::try_once(args),
     });
     let failure = match outcome {
         Ok(Ok(ending)) => match say::failure() {

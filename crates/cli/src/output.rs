@@ -228,10 +228,14 @@ pub(crate) fn remove_temporaries(end: impl FnOnce()) {
 
 /// A new file that is removed again unless it is renamed: also on a panic, and on the
 /// second interrupt.
-struct Temporary(PathBuf);
+pub(crate) struct Temporary(PathBuf);
 
 impl Temporary {
-    fn create(path: PathBuf) -> std::io::Result<(Self, File)> {
+    pub(crate) fn path(&self) -> &Path {
+        &self.0
+    }
+
+    pub(crate) fn create(path: PathBuf) -> std::io::Result<(Self, File)> {
         let mut list = temporaries();
         let file = File::create(&path)?;
         list.push(path.clone());
@@ -290,7 +294,7 @@ fn check_place(path: &Path) -> Result<(), Failure> {
 
 /// Writes into a new file beside `path` that takes its name when it is complete;
 /// on failure nothing remains.
-fn atomically(
+pub(crate) fn atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
 ) -> Result<(), Failure> {

@@ -238,6 +238,11 @@ impl Watch {
     }
 }
 
+/// From now on there is something to write if the work is stopped, by the caller.
+pub(crate) fn keep_going() {
+    STATE.store(DONE, SeqCst);
+}
+
 /// Was the run interrupted, be it while its result was written?
 pub(crate) fn was_interrupted() -> bool {
     INTERRUPTED.load(SeqCst)
