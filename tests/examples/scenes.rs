@@ -10,6 +10,13 @@
 //! ```sh
 //! cargo run -p antumbra-tests --example scenes -- 512 > boxes-512.json
 //! ```
+//!
+//! With two numbers, prints as many boxes that stand on a floor, and as many lamps: for
+//! testing that limits of time and memory hold.
+//!
+//! ```sh
+//! cargo run -p antumbra-tests --example scenes -- 5000 9 > hall-5000.json
+//! ```
 
 use antumbra::SceneInput;
 use antumbra::io::scene_file;
@@ -20,13 +27,25 @@ use glam::{DMat3, DVec3, dvec3};
 
 #[expect(clippy::print_stdout, reason = "the scene is printed")]
 fn main() {
-    if let Some(n) = std::env::args().nth(1) {
-        let n: u32 = n
-            .parse()
-            .unwrap_or_else(|e| panic!("{n}: a number of boxes is needed: {e}"));
-        let scale = (f64::from(n) / 8.0).sqrt();
-        println!("{}", scene_file::write(&boxes_over(n, [0.2, 0.5], scale)));
-        return;
+    let numbers: Vec<u32> = std::env::args()
+        .skip(1)
+        .map(|n| {
+            n.parse()
+                .unwrap_or_else(|e| panic!("{n}: a number is needed: {e}"))
+        })
+        .collect();
+    let scale = |n: u32| (f64::from(n) / 8.0).sqrt();
+    match numbers[..] {
+        [] => {}
+        [n] => {
+            let scene = boxes_over(n, [0.2, 0.5], scale(n));
+            println!("{}", scene_file::write(&scene));
+            return;
+        }
+        [n, lamps, ..] => {
+            println!("{}", scene_file::write(&hall(n, lamps, scale(n))));
+            return;
+        }
     }
     let folder = fixtures().join("eee");
     std::fs::create_dir_all(&folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
@@ -329,6 +348,52 @@ fn boxes_over(n: u32, [shortest, longest]: [f64; 2], scale: f64) -> SceneInput {
         let is_free = |other: &Brick| {
             let gap = brick.middle.distance(other.middle);
             gap > brick.half.length() + other.half.length()
+        };
+        if placed.iter().all(is_free) {
+            placed.push(brick);
+        }
+    }
+    for (k, brick) in placed.iter().enumerate() {
+        brick.add(&mut scene, &format!("box-{k}"));
+    }
+    scene
+}
+
+/// Random boxes that stand on a floor of `4 scale` metres, turned about the vertical,
+/// under lamps in a square grid; the seed is the number of boxes.
+fn hall(n: u32, lamps: u32, scale: f64) -> SceneInput {
+    let mut scene = empty();
+    let half = 2.0 * scale;
+    let floor = ([-half, half], [-half, half], 0.0);
+    add_horizontal(&mut scene, "floor", "grey", floor, Facing::Up);
+    let side = f64::from(lamps).sqrt().ceil().max(1.0) as u32;
+    for k in 0..lamps {
+        let place = |i: u32| 2.0 * half * ((f64::from(i) + 0.5) / f64::from(side) - 0.5);
+        let (x, y) = (place(k % side), place(k / side));
+        let corners = ([x - 0.5, x + 0.5], [y - 0.5, y + 0.5], 3.0);
+        add_horizontal(
+            &mut scene,
+            &format!("lamp-{k}"),
+            "lamp",
+            corners,
+            Facing::Down,
+        );
+    }
+    let mut random = SplitMix::new(u64::from(n));
+    let mut placed: Vec<Brick> = Vec::new();
+    while placed.len() < n as usize {
+        let reach = half - 0.5;
+        let size = random.in_box(DVec3::splat(0.2), dvec3(0.5, 0.5, 1.2)) / 2.0;
+        let at = random.in_box(dvec3(-reach, -reach, 0.0), dvec3(reach, reach, 1.0));
+        let brick = Brick {
+            middle: dvec3(at.x, at.y, size.z),
+            half: size,
+            rotation: about_z(2.0 * at.z - 1.0),
+        };
+        let flat = |b: &Brick| (b.middle.truncate(), b.half.truncate().length());
+        let is_free = |other: &Brick| {
+            let ((a, r), (b, s)) = (flat(&brick), flat(other));
+            a.distance(b) > r + s
         };
         if placed.iter().all(is_free) {
             placed.push(brick);

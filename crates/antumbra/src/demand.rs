@@ -5,6 +5,7 @@
 //! curve is what a line saves. The line itself costs elements at its ends and where
 //! it crosses others.
 
+use antumbra_geom::Stop;
 use antumbra_solver::{KINK_D1, KINK_D2};
 use antumbra_visibility::{CriticalCurve, Discontinuity, JUMP_PLACES};
 use glam::DVec2;
@@ -135,26 +136,30 @@ pub(crate) struct Choice {
 }
 
 /// Which candidates are worth a line: the strongest first, each only where those
-/// before it do not run beside it already.
-pub(crate) fn worth_a_line(candidates: &[Candidate], degree: u8) -> Choice {
+/// before it do not run beside it already. Nothing if it was stopped.
+pub(crate) fn worth_a_line(candidates: &[Candidate], degree: u8, stop: Stop<'_>) -> Option<Choice> {
     let mut all = Neighbours::new(candidates);
     for (i, c) in candidates.iter().enumerate() {
         all.insert(i as u32, c);
     }
     // The size at every place, with the nearest parallel of similar strength.
-    let fineness: Vec<[f64; JUMP_PLACES.len()]> = candidates
+    let fineness: Option<Vec<[f64; JUMP_PLACES.len()]>> = candidates
         .iter()
         .enumerate()
         .map(|(i, c)| {
-            std::array::from_fn(|k| {
+            if stop.is_wanted() {
+                return None;
+            }
+            Some(std::array::from_fn(|k| {
                 let beside = nearest_beside(candidates, &all, i, k, |_, other| {
                     let ratio = other.jumps[3] / c.jumps[k];
                     !other.is_slope && (0.25..=4.0).contains(&ratio)
                 });
                 c.fineness(k, degree, beside)
-            })
+            }))
         })
         .collect();
+    let fineness = fineness?;
     let mut order: Vec<usize> = (0..candidates.len()).collect();
     let strength = |i: usize| fineness[i].iter().sum::<f64>();
     order.sort_by(|&a, &b| strength(b).total_cmp(&strength(a)).then(a.cmp(&b)));
@@ -165,6 +170,9 @@ pub(crate) fn worth_a_line(candidates: &[Candidate], degree: u8) -> Choice {
     };
     let mut lines = Neighbours::new(candidates);
     for i in order {
+        if stop.is_wanted() {
+            return None;
+        }
         let c = &candidates[i];
         let mut steps = 0.0;
         for (k, share) in PLACE_SHARES.into_iter().enumerate() {
@@ -193,7 +201,7 @@ pub(crate) fn worth_a_line(candidates: &[Candidate], degree: u8) -> Choice {
             choice.elements += steps;
         }
     }
-    choice
+    Some(choice)
 }
 
 /// The share of a curve's length that each of [`JUMP_PLACES`] stands for.
@@ -255,8 +263,8 @@ mod tests {
             candidate([(0.0, 0.8), (1.0, 0.8)], 10.0),
         ];
         assert_eq!(
-            worth_a_line(&candidates, 3).is_line,
-            [true, false, true, false]
+            worth_a_line(&candidates, 3, Stop::NEVER).map(|c| c.is_line),
+            Some(vec![true, false, true, false])
         );
     }
 }

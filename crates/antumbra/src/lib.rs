@@ -35,14 +35,17 @@ mod export;
 mod light;
 mod pipeline;
 mod plan;
+pub mod reduce;
 pub mod values;
 
+pub use antumbra_geom as geom;
 pub use antumbra_io as io;
 pub use antumbra_mesh::Order;
 pub use antumbra_scene::{self as scene, Problem, Scene, SceneInput, Severity};
 pub use antumbra_solver::{
-    self as solver, DirectSolution, Ended, FactorOptions, FormFactors, NotClosed, Power,
-    RadiosityOptions, RadiositySolution, ReceiverMesh, Reciprocity, Repair, RowSums, Tolerance,
+    self as solver, DirectSolution, Ended, FactorOptions, FormFactors, NotClosed, Power, Progress,
+    RadiosityOptions, RadiositySolution, Reached, ReceiverMesh, Reciprocity, Repair, RowSums,
+    Tolerance,
 };
 pub use antumbra_visibility::{
     self as visibility, CriticalCurve, Discontinuity, Evaluator, Event, EventKind, EventKinds,

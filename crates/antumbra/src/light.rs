@@ -1,5 +1,6 @@
 //! The exact engine behind the solver's question for light.
 
+use antumbra_geom::Stop;
 use antumbra_scene::FaceId;
 use antumbra_solver::{Light, Sample};
 use antumbra_visibility::{Approach, Evaluator, Scratch, View};
@@ -16,8 +17,24 @@ impl<'e, 's> ExactLight<'e, 's> {
     /// Prepares every face of the scene as a receiver.
     #[must_use]
     pub fn new(evaluator: &'e Evaluator<'s>) -> Self {
+        Self::new_until(evaluator, Stop::NEVER)
+    }
+
+    /// The same; faces that are not prepared when it is stopped get a view that leaves
+    /// everything to each evaluation: slower ones with the same values.
+    #[must_use]
+    pub fn new_until(evaluator: &'e Evaluator<'s>, stop: Stop<'_>) -> Self {
         let faces: Vec<FaceId> = evaluator.scene().face_ids().collect();
-        let views = faces.par_iter().map(|&face| evaluator.view(face)).collect();
+        let views = faces
+            .par_iter()
+            .map(|&face| {
+                if stop.is_wanted() {
+                    evaluator.unprepared_view(face)
+                } else {
+                    evaluator.view(face)
+                }
+            })
+            .collect();
         Self { evaluator, views }
     }
 
@@ -42,16 +59,25 @@ impl Light for ExactLight<'_, '_> {
         self.evaluator.scene().n_bands
     }
 
-    fn irradiance(&self, receiver: FaceId, samples: &[Sample], radius: f64) -> Vec<f64> {
+    fn irradiance(
+        &self,
+        receiver: FaceId,
+        samples: &[Sample],
+        radius: f64,
+        stop: Stop<'_>,
+    ) -> Option<Vec<f64>> {
         let view = &self.views[receiver.index()];
         let n_emitters = self.evaluator.emitters().len();
-        let parts: Vec<Vec<f64>> = samples
+        let parts: Option<Vec<Vec<f64>>> = samples
             .par_chunks(CHUNK)
             .map_init(
                 || (Scratch::default(), vec![0.0; n_emitters]),
                 |(scratch, factors), chunk| {
                     let mut values = Vec::with_capacity(chunk.len() * self.n_bands());
                     for sample in chunk {
+                        if stop.is_wanted() {
+                            return None;
+                        }
                         let approach = sample.toward.map(|toward| Approach { toward, radius });
                         self.evaluator.factors(
                             view,
@@ -62,11 +88,11 @@ impl Light for ExactLight<'_, '_> {
                         );
                         values.extend(self.evaluator.weigh(factors));
                     }
-                    values
+                    Some(values)
                 },
             )
             .collect();
-        parts.concat()
+        parts.map(|parts| parts.concat())
     }
 
     fn reaches(&self, receiver: FaceId) -> bool {

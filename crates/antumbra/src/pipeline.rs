@@ -3,18 +3,21 @@
 use crate::demand::{Candidate, Choice, worth_a_line};
 use crate::light::ExactLight;
 use crate::plan::{Plan, Quantity};
-use antumbra_mesh::{ArrangementOptions, MeshError, Order, TaggedCurve, TriMesh, arrange};
+use antumbra_geom::Stop;
+use antumbra_mesh::{ArrangementOptions, MeshError, Order, TaggedCurve, TriMesh, arrange_until};
 use antumbra_scene::{Aabb, FaceId, Scene};
 use antumbra_solver::{
-    DirectMeshes, DirectOptions, DirectSolution, FactorOptions, FormFactors, Postponed,
-    RadiosityOptions, RadiositySolution, Receiver, Tolerance, form_factors, solve_radiosity,
+    DirectMeshes, DirectOptions, DirectSolution, Ended, FactorOptions, FormFactors, Limits,
+    Postponed, Progress, RadiosityOptions, RadiositySolution, Receiver, Tolerance, form_factors,
+    solve_radiosity,
 };
 use antumbra_visibility::{
     CountByKind, CriticalCurve, CriticalCurves, Discontinuity, Evaluator, EventKind, EventKinds,
-    critical_curves,
+    critical_curves_until,
 };
 use glam::DVec2;
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// What the user asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,9 +117,20 @@ impl Phase {
 }
 
 /// How the caller watches and stops the work.
+///
+/// The work asks often, so an answer must be as cheap as a look at a flag; and who has
+/// said stop must keep saying so. What is finished by then may differ from run to run;
+/// what is not stopped does not depend on being watched.
 pub struct Control<'a> {
-    /// Asked between steps: end with what there is?
+    /// End with what there is? Then receivers without values get coarse meshes with
+    /// exact values, and nothing is refined any more.
     pub should_stop: &'a (dyn Fn() -> bool + Sync),
+    /// Asked after `should_stop` has said yes: is there no time left for coarse meshes
+    /// either? Receivers that have no values yet are then left without elements.
+    pub must_stop: &'a (dyn Fn() -> bool + Sync),
+    /// Is there room for so many bytes more? Asked before what would take a lot of
+    /// memory at once.
+    pub has_room: &'a (dyn Fn(u64) -> bool + Sync),
     /// Told the phase and how much of it is done, 0 to 1. Each phase starts at 0.
     pub progress: &'a (dyn Fn(Phase, f64) + Sync),
 }
@@ -131,7 +145,23 @@ impl Default for Control<'_> {
     fn default() -> Self {
         Self {
             should_stop: &|| false,
+            must_stop: &|| false,
+            has_room: &|_| true,
             progress: &|_, _| {},
+        }
+    }
+}
+
+impl<'a> Control<'a> {
+    pub(crate) fn stop(&self) -> Stop<'a> {
+        Stop::new(self.should_stop)
+    }
+
+    fn limits(&self) -> Limits<'a> {
+        Limits {
+            stop: self.stop(),
+            at_once: Stop::new(self.must_stop),
+            has_room: self.has_room,
         }
     }
 }
@@ -146,7 +176,8 @@ pub struct Error {
     pub error: MeshError,
 }
 
-/// The curves of one receiver as they went into its mesh.
+/// The curves of one receiver as they went into its mesh; those of its border only if
+/// the work was stopped before that.
 #[derive(Clone, Debug, Default)]
 pub struct ReceiverCurves {
     /// Curves with an id below this are loops of the border.
@@ -192,11 +223,12 @@ pub struct Solved {
     pub plan: Plan,
 }
 
-/// Decides what a run will simulate, without meshing anything.
+/// Decides what a run will simulate, without meshing anything. If it was stopped, the
+/// plan tells of the receivers that were looked at only.
 #[must_use]
 pub fn plan(scene: &Scene, options: &Options, quantity: Quantity, control: &Control<'_>) -> Plan {
     let evaluator = Evaluator::new(scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new_until(&evaluator, control.stop());
     let scout = Scout::new(&evaluator, &light, options, control);
     Plan::new(scene, options, quantity, &scout)
 }
@@ -207,8 +239,9 @@ pub fn plan(scene: &Scene, options: &Options, quantity: Quantity, control: &Cont
 ///
 /// [`Error`] if a face cannot be triangulated.
 pub fn mesh(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<Meshed, Error> {
+    (control.progress)(Phase::Events, 0.0);
     let evaluator = Evaluator::new(scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new_until(&evaluator, control.stop());
     let direct = direct(&evaluator, &light, options, Quantity::Direct, control)?;
     Ok(Meshed {
         direct: direct.meshes.finish(),
@@ -224,11 +257,16 @@ pub fn mesh(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<M
 ///
 /// [`Error`] if a face cannot be triangulated.
 pub fn solve(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<Solved, Error> {
+    (control.progress)(Phase::Events, 0.0);
     let evaluator = Evaluator::new(scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new_until(&evaluator, control.stop());
     let direct = direct(&evaluator, &light, options, Quantity::Total, control)?;
     (control.progress)(Phase::Radiosity, 0.0);
-    let receivers = contact_receivers(&evaluator)?;
+    // Interreflection of a coarse mesh would be that of another scene.
+    let receivers = match direct.meshes.ended() {
+        Ended::Stopped => None,
+        _ => contact_receivers(&evaluator, control.stop())?,
+    };
     let mut radiosity_options = RadiosityOptions {
         tolerance: match options.tolerance {
             Tolerance::Relative(t) => t,
@@ -245,14 +283,19 @@ pub fn solve(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<
         receivers,
         &light,
         &radiosity_options,
-        control.should_stop,
+        &control.limits(),
         &|done| (control.progress)(Phase::Radiosity, done),
     );
+    let plan = if radiosity.reached.has_values() {
+        direct.plan
+    } else {
+        direct.plan.without_interreflection()
+    };
     Ok(Solved {
         radiosity,
         curves: direct.curves,
         events: direct.events,
-        plan: direct.plan,
+        plan,
     })
 }
 
@@ -302,8 +345,27 @@ fn direct(
     control: &Control<'_>,
 ) -> Result<Direct, Error> {
     let scene = evaluator.scene();
-    let scout = Scout::new(evaluator, light, options, control);
+    let mut scout = Scout::new(evaluator, light, options, control);
     let plan = Plan::new(scene, options, quantity, &scout);
+    let is_full = AtomicBool::new(scout.is_full);
+    let should_stop = || is_full.load(Ordering::Relaxed) || (control.should_stop)();
+    let limits = Limits {
+        stop: Stop::new(&should_stop),
+        ..control.limits()
+    };
+    let has_room = |bytes| {
+        let has_room = (control.has_room)(bytes);
+        is_full.fetch_or(!has_room, Ordering::Relaxed);
+        has_room
+    };
+    let preparation = Limits {
+        has_room: &has_room,
+        ..limits
+    };
+    if limits.stop.is_wanted() {
+        // No mesh will have them any more: their memory is needed for what comes.
+        scout.forget_curves();
+    }
     let mut events = EventCounts {
         candidates: plan.candidates,
         active: plan.curves,
@@ -315,9 +377,9 @@ fn direct(
     let prepared: Vec<Prepared> = scout
         .receivers
         .into_par_iter()
-        .map(|r| prepare(scene, r, knows_all_curves, allowed))
+        .map(|r| prepare(scene, r, knows_all_curves, allowed, &preparation))
         .collect::<Result<_, _>>()?;
-    let (receivers, curves): (Vec<Receiver>, Vec<ReceiverCurves>) =
+    let (receivers, mut curves): (Vec<Receiver>, Vec<ReceiverCurves>) =
         prepared.into_iter().map(|p| (p.receiver, p.curves)).unzip();
     (control.progress)(Phase::Irradiance, 0.0);
     let direct_options = DirectOptions {
@@ -326,17 +388,18 @@ fn direct(
         most_elements: options.most_elements,
         verify: true,
     };
-    let meshes = DirectMeshes::solve(
-        receivers,
-        light,
-        &direct_options,
-        control.should_stop,
-        &|_, done| (control.progress)(Phase::Irradiance, done),
-    );
+    let meshes = DirectMeshes::solve(receivers, light, &direct_options, &limits, &|_, done| {
+        (control.progress)(Phase::Irradiance, done);
+    });
+    for (progress, curves) in meshes.progress().zip(&mut curves) {
+        if matches!(progress, Progress::BorderOnly | Progress::Nothing) {
+            curves.critical = Vec::new();
+        }
+    }
     for (mesh, curves) in meshes.meshes().zip(&curves) {
         count_inserted(mesh, curves, &mut events.inserted);
     }
-    let plan = plan.carried_out(&events.inserted);
+    let plan = plan.carried_out(&events.inserted, meshes.ended() == Ended::Stopped);
     Ok(Direct {
         meshes,
         curves,
@@ -353,7 +416,16 @@ pub(crate) struct Scout<'l> {
     /// The error of irradiance allowed, about; in the scene's units.
     pub(crate) allowed: f64,
     receivers: Vec<ScoutedReceiver>,
+    /// Is there no room for the curves in what is exported? Then it was stopped.
+    is_full: bool,
 }
+
+/// Curves between two questions for room.
+const CURVES_PER_QUESTION: u64 = 4096;
+
+/// Memory that a curve takes in a [`MeshedScene`](antumbra_io::model::MeshedScene), about:
+/// its places, and its generators in words.
+const BYTES_PER_EXPORTED_CURVE: u64 = 500;
 
 /// A receiver with its curves, and which of them become lines.
 struct ScoutedReceiver {
@@ -362,6 +434,20 @@ struct ScoutedReceiver {
     choice: Choice,
     /// About how many elements light without shadows calls for.
     smooth_elements: f64,
+    /// Was the work stopped before its curves were known? Then it has none.
+    is_stopped: bool,
+}
+
+impl ScoutedReceiver {
+    fn stopped(face: FaceId) -> Self {
+        Self {
+            face,
+            curves: CriticalCurves::default(),
+            choice: Choice::default(),
+            smooth_elements: 0.0,
+            is_stopped: true,
+        }
+    }
 }
 
 impl<'l> Scout<'l> {
@@ -373,7 +459,10 @@ impl<'l> Scout<'l> {
     ) -> Self {
         let scene = evaluator.scene();
         (control.progress)(Phase::Events, 0.0);
-        let peak = peak_estimate(evaluator, light);
+        let (is_full, n_curves) = (AtomicBool::new(false), AtomicU64::new(0));
+        let should_stop = || is_full.load(Ordering::Relaxed) || (control.should_stop)();
+        let stop = Stop::new(&should_stop);
+        let peak = peak_estimate(evaluator, light, stop);
         let allowed = match options.tolerance {
             Tolerance::Relative(t) => t * peak,
             Tolerance::Absolute(t) => t,
@@ -385,27 +474,39 @@ impl<'l> Scout<'l> {
             .map(|&face| {
                 let radius = contact_radius(scene, face);
                 let kinds = options.events.kinds();
-                let curves = critical_curves(evaluator, face, kinds, radius);
+                let curves = critical_curves_until(evaluator, face, kinds, radius, stop)?;
+                let n = curves.curves.len() as u64;
+                let before = n_curves.fetch_add(n, Ordering::Relaxed);
+                // Not after every receiver: asking takes longer than a look at a flag.
+                let asks = (before + n) / CURVES_PER_QUESTION > before / CURVES_PER_QUESTION;
+                if asks && !(control.has_room)((before + n) * BYTES_PER_EXPORTED_CURVE) {
+                    is_full.store(true, Ordering::Relaxed);
+                    return None;
+                }
                 let choice = match options.events {
-                    Events::OnDemand => lines(&curves.curves, scene, face, allowed, degree),
+                    Events::OnDemand => lines(&curves.curves, scene, face, allowed, degree, stop)?,
                     Events::Kinds(_) => Choice {
                         is_line: vec![true; curves.curves.len()],
                         elements: ELEMENTS_PER_CURVE * curves.curves.len() as f64,
                     },
                 };
-                ScoutedReceiver {
+                Some(ScoutedReceiver {
                     face,
                     curves,
                     choice,
                     smooth_elements: smooth_elements(evaluator, light, face),
-                }
+                    is_stopped: false,
+                })
             })
+            .zip(&faces)
+            .map(|(scouted, &face)| scouted.unwrap_or_else(|| ScoutedReceiver::stopped(face)))
             .collect();
         Self {
             light,
             peak,
             allowed,
             receivers,
+            is_full: is_full.into_inner(),
         }
     }
 
@@ -418,6 +519,20 @@ impl<'l> Scout<'l> {
             }
         }
         n
+    }
+
+    /// Leaves the receivers without curves.
+    fn forget_curves(&mut self) {
+        for receiver in &mut self.receivers {
+            *receiver = ScoutedReceiver::stopped(receiver.face);
+        }
+    }
+
+    /// Receivers, and those of them whose curves are not known because the work was
+    /// stopped.
+    pub(crate) fn n_stopped(&self) -> (usize, usize) {
+        let n_stopped = self.receivers.iter().filter(|r| r.is_stopped).count();
+        (self.receivers.len(), n_stopped)
     }
 
     pub(crate) fn candidates(&self) -> CountByKind {
@@ -476,20 +591,26 @@ fn smooth_elements(evaluator: &Evaluator<'_>, light: &ExactLight<'_, '_>, face: 
 /// fixtures).
 const ELEMENTS_PER_CURVE: f64 = 4.0;
 
-/// Every face, cut along what touches it or nearly does, for indirect light.
-fn contact_receivers(evaluator: &Evaluator<'_>) -> Result<Vec<Receiver>, Error> {
+/// Every face, cut along what touches it or nearly does, for indirect light; nothing if
+/// it was stopped.
+fn contact_receivers(
+    evaluator: &Evaluator<'_>,
+    stop: Stop<'_>,
+) -> Result<Option<Vec<Receiver>>, Error> {
     let scene = evaluator.scene();
     let faces: Vec<FaceId> = scene.face_ids().collect();
     let contacts = EventKinds::NONE.with(EventKind::Contact);
-    faces
+    let receivers: Result<Vec<Option<Receiver>>, Error> = faces
         .par_iter()
         .map(|&face| {
             let radius = contact_radius(scene, face);
-            let mut curves = critical_curves(evaluator, face, contacts, radius);
             let gap = NEAR * scene.face(face).area.sqrt();
-            curves
-                .curves
-                .extend(critical_curves(evaluator, face, contacts, gap).curves);
+            let touching = critical_curves_until(evaluator, face, contacts, radius, stop);
+            let near = critical_curves_until(evaluator, face, contacts, gap, stop);
+            let (Some(mut curves), Some(near)) = (touching, near) else {
+                return Ok(None);
+            };
+            curves.curves.extend(near.curves);
             let is_line = vec![true; curves.curves.len()];
             let receiver = ScoutedReceiver {
                 face,
@@ -499,11 +620,29 @@ fn contact_receivers(evaluator: &Evaluator<'_>) -> Result<Vec<Receiver>, Error> 
                     elements: 0.0,
                 },
                 smooth_elements: 0.0,
+                is_stopped: false,
             };
-            prepare(scene, receiver, false, 0.0).map(|p| p.receiver)
+            let limits = Limits {
+                stop,
+                ..Limits::NONE
+            };
+            prepare(scene, receiver, false, 0.0, &limits).map(|p| Some(p.receiver))
         })
-        .collect()
+        .collect();
+    // A mesh that was stopped lacks its contacts.
+    receivers.map(|r| {
+        r.into_iter()
+            .collect::<Option<Vec<_>>>()
+            .filter(|_| !stop.is_wanted())
+    })
 }
+
+/// Meshes with fewer vertices are made without asking for room.
+const LARGE_MESH: usize = 4096;
+
+/// Memory that triangulating takes for every vertex, and then its nodes and their values:
+/// about what was measured on `eee/boxes-64` with all events.
+const BYTES_PER_VERTEX: u64 = 1200;
 
 struct Prepared {
     receiver: Receiver,
@@ -516,13 +655,16 @@ struct Prepared {
 const NEAR: f64 = 0.03;
 
 /// About the largest irradiance of a scene (all bands): that at the middles of the
-/// pieces of its faces.
-fn peak_estimate(evaluator: &Evaluator<'_>, light: &ExactLight<'_, '_>) -> f64 {
+/// pieces of its faces, as far as they are known when it is stopped.
+fn peak_estimate(evaluator: &Evaluator<'_>, light: &ExactLight<'_, '_>, stop: Stop<'_>) -> f64 {
     let scene = evaluator.scene();
     let peaks: Vec<f64> = scene
         .pieces
         .par_iter()
         .map_init(antumbra_visibility::Scratch::default, |scratch, piece| {
+            if stop.is_wanted() {
+                return 0.0;
+            }
             let corners = scene.positions(&piece.vertices);
             let middle = corners.iter().sum::<glam::DVec3>() / corners.len() as f64;
             let bands = light.at(piece.face, middle, scratch);
@@ -555,12 +697,13 @@ fn count_inserted(mesh: MeshWithOrders<'_>, curves: &ReceiverCurves, inserted: &
 }
 
 /// Triangulates one receiver along its curves: all, or those of contacts, the others
-/// postponed.
+/// postponed. Not at all if it was stopped, or if there is no room.
 fn prepare(
     scene: &Scene,
     scouted: ScoutedReceiver,
     knows_all_curves: bool,
     allowed: f64,
+    limits: &Limits<'_>,
 ) -> Result<Prepared, Error> {
     let (face, critical) = (scouted.face, scouted.curves.curves);
     let chart = scene.chart(face);
@@ -577,6 +720,7 @@ fn prepare(
         })
         .collect();
     let n_border = curves.len();
+    let border: Vec<Vec<DVec2>> = curves.iter().map(|c| c.points.clone()).collect();
     let mut orders = vec![Order::Boundary; n_border];
     let mut postponed = Vec::new();
     for (curve, is_line) in critical.iter().zip(scouted.choice.is_line) {
@@ -605,19 +749,27 @@ fn prepare(
             curves.push(TaggedCurve { points, order });
         }
     }
-    let arrangement = arrange(&curves, &ArrangementOptions::default());
-    let mesh = TriMesh::new(&arrangement, &curves).map_err(|error| Error {
-        surface: scene.surface_of(face).name.clone(),
-        error,
-    })?;
+    let arrangement = arrange_until(&curves, &ArrangementOptions::default(), limits.stop);
+    let fits = |vertices: usize| {
+        vertices < LARGE_MESH || (limits.has_room)(vertices as u64 * BYTES_PER_VERTEX)
+    };
+    let arrangement = arrangement.filter(|a| !scouted.is_stopped && fits(a.vertices.len()));
+    let mesh = match arrangement {
+        Some(arrangement) => TriMesh::new(&arrangement, &curves).map_err(|error| Error {
+            surface: scene.surface_of(face).name.clone(),
+            error,
+        })?,
+        None => TriMesh::empty(),
+    };
     let receiver = Receiver {
         face,
         chart,
+        border,
         mesh,
         orders,
         contact_radius: contact_radius(scene, face),
         postponed,
-        knows_all_curves,
+        knows_all_curves: knows_all_curves && !scouted.is_stopped,
     };
     Ok(Prepared {
         receiver,
@@ -633,14 +785,15 @@ fn exitance<'s>(scene: &'s Scene, curve: &CriticalCurve) -> &'s [f64] {
 }
 
 /// Which curves of a receiver are put into its mesh at the start; contacts always
-/// are.
+/// are. Nothing if it was stopped.
 fn lines(
     critical: &[CriticalCurve],
     scene: &Scene,
     face: FaceId,
     allowed: f64,
     degree: u8,
-) -> Choice {
+    stop: Stop<'_>,
+) -> Option<Choice> {
     let chart = scene.chart(face);
     let waits = |c: &&CriticalCurve| c.kind() != EventKind::Contact;
     let candidates: Vec<Candidate> = critical
@@ -652,15 +805,15 @@ fn lines(
             Candidate::new(curve, ends, strongest, START * allowed)
         })
         .collect();
-    let chosen = worth_a_line(&candidates, degree);
+    let chosen = worth_a_line(&candidates, degree, stop)?;
     let mut is_chosen = chosen.is_line.into_iter();
-    Choice {
+    Some(Choice {
         is_line: critical
             .iter()
             .map(|c| c.kind() == EventKind::Contact || is_chosen.next() == Some(true))
             .collect(),
         elements: chosen.elements,
-    }
+    })
 }
 
 /// How far from an arc its chords may run: a D2 curve that is misplaced by ε costs

@@ -135,6 +135,7 @@ impl Plan {
         for kind in EventKind::ALL {
             plan.events(kind, options.events, tolerance);
         }
+        plan.not_looked_at(scout.n_stopped());
         plan.degree(options);
         plan.faces(scene, scout);
         plan.interreflection(scene, quantity, tolerance);
@@ -208,6 +209,23 @@ impl Plan {
             );
             let bound = if lines < n { refined } else { 0.0 };
             self.push(name, Decision::Simulated, bound, reason);
+        }
+    }
+
+    /// Of events, some receivers were not looked at, because the work was stopped.
+    fn not_looked_at(&mut self, (n, n_stopped): (usize, usize)) {
+        if n_stopped == 0 {
+            return;
+        }
+        for effect in self.effects.iter_mut().filter(|e| is_event(e)) {
+            // An absence on some receivers is none on all.
+            if effect.decision == Decision::Absent {
+                effect.decision = Decision::LeftOut;
+            }
+            effect.bound = 1.0;
+            effect.reason.push_str(&format!(
+                "; stopped before {n_stopped} of {n} receivers were looked at"
+            ));
         }
     }
 
@@ -352,9 +370,9 @@ impl Plan {
     }
 
     /// The plan as it was carried out: kinds of which elements called for a line
-    /// after all are simulated.
+    /// after all are simulated; and if refinement was stopped, it bounds nothing.
     #[must_use]
-    pub(crate) fn carried_out(mut self, inserted: &CountByKind) -> Self {
+    pub(crate) fn carried_out(mut self, inserted: &CountByKind, is_stopped: bool) -> Self {
         for kind in EventKind::ALL {
             let n = inserted[kind as usize];
             if let Some(effect) = self.effects.iter_mut().find(|e| e.name == kind.key())
@@ -365,6 +383,36 @@ impl Plan {
                 effect.reason = format!("elements called for {n} of its curves");
             }
         }
+        if is_stopped {
+            for effect in self.effects.iter_mut().filter(|e| is_event(e)) {
+                if effect.decision != Decision::Absent && effect.bound < 1.0 {
+                    effect.bound = 1.0;
+                    effect
+                        .reason
+                        .push_str("; stopped before elements were refined to the tolerance");
+                }
+            }
+        }
         self
     }
+
+    /// The plan of a run that was stopped before interreflection was solved.
+    #[must_use]
+    pub(crate) fn without_interreflection(mut self) -> Self {
+        let reflects =
+            |e: &&mut Effect| e.name == "interreflection" && e.decision == Decision::Simulated;
+        // What leaving out the shadows of reflected light costs is all of it, too.
+        let all = self.effect("secondary-shadows").map_or(1.0, |e| e.bound);
+        if let Some(effect) = self.effects.iter_mut().find(reflects) {
+            effect.decision = Decision::LeftOut;
+            effect.bound = all;
+            effect.reason.push_str("; stopped before it was solved");
+        }
+        self
+    }
+}
+
+/// Is an effect a kind of events?
+fn is_event(effect: &Effect) -> bool {
+    EventKind::ALL.iter().any(|kind| kind.key() == effect.name)
 }

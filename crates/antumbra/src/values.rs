@@ -1,6 +1,7 @@
 //! Values at points a user names.
 
 use crate::light::ExactLight;
+use crate::pipeline::Control;
 use antumbra_scene::{FaceId, Scene, SurfaceId};
 use antumbra_solver::{DirectSolution, RadiositySolution};
 use antumbra_visibility::{Evaluator, Scratch};
@@ -90,6 +91,10 @@ pub fn on_mesh(solution: &DirectSolution, place: &Place) -> Option<Vec<f64>> {
 
 /// Irradiance with interreflection per band at several places: exact direct light
 /// and indirect light gathered with exact visibility from the solution's layer.
+///
+/// # Panics
+///
+/// If interreflection was not solved ([`Reached`](crate::Reached)).
 #[must_use]
 pub fn solved(
     light: &ExactLight<'_, '_>,
@@ -97,15 +102,32 @@ pub fn solved(
     solution: &RadiositySolution,
     places: &[Place],
 ) -> Vec<Vec<f64>> {
+    solved_until(light, evaluator, solution, places, &Control::default())
+        .into_iter()
+        .map(|values| values.expect("interreflection is solved and nothing stops it"))
+        .collect()
+}
+
+/// The same; `None` for places that were not reached when it was stopped, and for all
+/// if interreflection was not solved.
+#[must_use]
+pub fn solved_until(
+    light: &ExactLight<'_, '_>,
+    evaluator: &Evaluator<'_>,
+    solution: &RadiositySolution,
+    places: &[Place],
+    control: &Control<'_>,
+) -> Vec<Option<Vec<f64>>> {
     let points: Vec<_> = places.iter().map(|p| (p.face.index(), p.point)).collect();
-    let indirect = solution.gather(evaluator, &points);
+    let indirect = solution.gather_until(evaluator, &points, control.stop());
     let mut scratch = Scratch::default();
     places
         .iter()
         .zip(indirect)
         .map(|(place, indirect)| {
+            let indirect = indirect?;
             let direct = exact(light, place, &mut scratch);
-            direct.iter().zip(indirect).map(|(d, i)| d + i).collect()
+            Some(direct.iter().zip(indirect).map(|(d, i)| d + i).collect())
         })
         .collect()
 }

@@ -35,6 +35,11 @@ pub(crate) enum Command {
     Factors(Factors),
     /// Pictures: false colour with legend and isolux lines (PNG), per-surface maps (SVG).
     Render(Render),
+    /// Shrink a scene that fails to the smallest one that still does: a fixture to keep.
+    Reduce(Reduce),
+    /// One try of reduce, in a process of its own.
+    #[command(hide = true)]
+    ReduceTry(ReduceTry),
 }
 
 impl Command {
@@ -46,6 +51,20 @@ impl Command {
             Self::Probe(probe) => &probe.common,
             Self::Factors(factors) => &factors.common,
             Self::Render(render) => &render.common,
+            Self::Reduce(reduce) => &reduce.common,
+            Self::ReduceTry(reduce) => &reduce.common,
+        }
+    }
+
+    /// When to end early; nothing where only a scene is read, or a child does the work.
+    pub(crate) fn limits(&self) -> Option<&Limits> {
+        match self {
+            Self::Check(_) | Self::Reduce(_) | Self::ReduceTry(_) => None,
+            Self::Plan(plan) => Some(&plan.meshing.limits),
+            Self::Mesh(mesh) | Self::Solve(mesh) => Some(&mesh.meshing.limits),
+            Self::Probe(probe) => Some(&probe.meshing.limits),
+            Self::Factors(factors) => Some(&factors.limits),
+            Self::Render(render) => Some(&render.meshing.limits),
         }
     }
 }
@@ -113,10 +132,13 @@ pub(crate) struct Meshing {
 /// When to end early.
 #[derive(Args, Debug)]
 pub(crate) struct Limits {
-    /// No more memory than this, such as 500MB or 2GB: then the result so far is written.
+    /// No more memory than this, such as 500MB or 2GB: then the result so far is written,
+    /// at about three quarters of it, for writing takes memory too.
     #[arg(long, value_name = "SIZE", value_parser = memory)]
     pub(crate) max_memory: Option<u64>,
-    /// No more time than this: then the result so far is written.
+    /// No more time than this, from the start on: then the result so far is written, with
+    /// coarse meshes where nothing is known yet. Up to a fifth of it, but no less than
+    /// 0.8 and no more than 10 seconds, goes into those.
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
     pub(crate) budget: Option<f64>,
 }
@@ -231,6 +253,84 @@ pub(crate) struct Render {
     pub(crate) picture: Picture,
 }
 
+#[derive(Args, Debug)]
+#[command(
+    long_about = "Shrink a scene that fails to the smallest one that still does: a fixture to keep.\n\n\
+Surfaces, holes, corners and materials are removed, bands and units made plain, and \
+coordinates rounded and moved to zero, as long as the failure stays; until no surface, hole or \
+corner can be removed alone. Every try of a failure below meshes the scene in a process of its \
+own, so that panics, aborts and hangs are survived. The result is a scene file, whatever the \
+format of SCENE.",
+    after_help = "Failures:
+  panic             mesh panics, aborts or ends with an internal error (exit code 1)
+  slow=SECONDS      mesh takes longer than this (its result depends on the machine)
+  negative          a value of the mesh, or an exact one at random points, is below zero or no number
+  above-unoccluded  an exact value at random points is above that without occluders
+  above-tolerance   mesh says that it has reached the tolerance, and at a random point it differs
+                    from the exact value by more
+  check             a triangulation breaks a promise (overlaps, gaps, lost edges)
+  command=COMMAND   a shell command ends with another exit code than 0; it gets the scene's path as
+                    its last argument
+
+Example: antumbra reduce room.json --while above-tolerance -o small.json -- --tolerance 1e-4
+
+Exit codes: 0 the smallest scene is written, 4 the scene does not fail in the first place (nothing \
+is written), 6 the budget is spent and 130 interrupted (the smallest scene so far is written)."
+)]
+pub(crate) struct Reduce {
+    #[command(flatten)]
+    pub(crate) common: Common,
+    /// What is to stay: panic, slow=SECONDS, negative, above-unoccluded, above-tolerance,
+    /// check or command=COMMAND.
+    #[arg(long = "while", value_name = "FAILURE", value_parser = failure)]
+    pub(crate) failure: FailureKind,
+    /// The scene file to write, .json; without it, it goes to standard output.
+    #[arg(long, short, value_name = "OUT")]
+    pub(crate) output: Option<PathBuf>,
+    /// A try that takes longer is ended, and counts as one that does not fail.
+    #[arg(long, value_name = "SECONDS", value_parser = positive, default_value = "60")]
+    pub(crate) timeout: f64,
+    /// Random points at which values are compared; spread over all surfaces by area.
+    #[arg(long, value_name = "N", default_value = "1000")]
+    pub(crate) points: u32,
+    /// No more time than this for all tries: then the smallest scene so far is written.
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    pub(crate) budget: Option<f64>,
+    /// How to mesh: options of mesh, such as --events all or --tolerance 1e-4.
+    #[arg(last = true, value_name = "MESH OPTIONS")]
+    pub(crate) meshing: Vec<String>,
+}
+
+/// What reduce is to keep.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum FailureKind {
+    Panic,
+    Slow(f64),
+    Values(ValueFailure),
+    Command(String),
+}
+
+/// Failures that show in values or meshes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ValueFailure {
+    Negative,
+    AboveUnoccluded,
+    AboveTolerance,
+    Check,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ReduceTry {
+    #[command(flatten)]
+    pub(crate) common: Common,
+    #[command(flatten)]
+    pub(crate) meshing: Meshing,
+    #[arg(long)]
+    pub(crate) failure: ValueFailure,
+    #[arg(long)]
+    pub(crate) points: u32,
+}
+
 /// How pictures look.
 #[derive(Args, Debug)]
 pub(crate) struct Picture {
@@ -321,6 +421,23 @@ fn memory(text: &str) -> Result<u64, String> {
     };
     positive(digits).map(|n| (n * unit) as u64)
 }
+
+fn failure(text: &str) -> Result<FailureKind, String> {
+    match text.split_once('=') {
+        Some(("slow", seconds)) => positive(seconds).map(FailureKind::Slow),
+        Some(("command", command)) if !command.trim().is_empty() => {
+            Ok(FailureKind::Command(command.to_owned()))
+        }
+        None if text == "panic" => Ok(FailureKind::Panic),
+        None => ValueFailure::from_str(text, false)
+            .map(FailureKind::Values)
+            .map_err(|_| FAILURES.to_owned()),
+        Some(_) => Err(FAILURES.to_owned()),
+    }
+}
+
+const FAILURES: &str = "one of panic, slow=SECONDS, negative, above-unoccluded, above-tolerance, \
+check, command=COMMAND is allowed";
 
 fn size(text: &str) -> Result<(usize, usize), String> {
     let parsed = text

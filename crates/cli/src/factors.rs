@@ -8,7 +8,7 @@ use crate::output;
 use crate::progress::{Watch, peak_memory};
 use crate::say::say;
 use antumbra::io::model::FactorTable;
-use antumbra::{Control, FactorOptions, FormFactors, Repair};
+use antumbra::{FactorOptions, FormFactors, Repair};
 use serde_json::{Value, json};
 
 pub(crate) fn run(factors: &Factors) -> Result<Ending, Failure> {
@@ -18,16 +18,12 @@ pub(crate) fn run(factors: &Factors) -> Result<Ending, Failure> {
     }
     let formats = output::formats(&factors.output, &output::FACTORS)?;
     let loaded = input::load(common)?;
-    let watch = Watch::new(common, &factors.limits);
-    let control = Control {
-        should_stop: &|| watch.should_stop(),
-        progress: &|phase, done| watch.progress(phase, done),
-    };
+    let watch = Watch::new(common);
     let options = FactorOptions {
         tolerance: factors.tolerance,
         ..FactorOptions::default()
     };
-    let raw = antumbra::factors(&loaded.scene, &options, &control);
+    let raw = watch.run(|control| antumbra::factors(&loaded.scene, &options, control));
     let (_, total) = watch.finish();
     let ending = ending(&watch, &raw, &options);
 
@@ -56,8 +52,8 @@ pub(crate) fn run(factors: &Factors) -> Result<Ending, Failure> {
 }
 
 fn ending(watch: &Watch, raw: &FormFactors, options: &FactorOptions) -> Ending {
-    if let Some(stopped) = watch.stopped() {
-        stopped
+    if watch.should_stop() {
+        watch.stopped().0
     } else if raw.max_error() <= options.tolerance {
         Ending::Done
     } else {

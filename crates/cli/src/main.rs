@@ -12,6 +12,7 @@ mod output;
 mod plan;
 mod probe;
 mod progress;
+mod reduce;
 mod render;
 mod report;
 mod say;
@@ -28,12 +29,26 @@ pub(crate) enum Ending {
     ToleranceNotReached,
     BudgetReached,
     Interrupted,
+    /// A try of `reduce` shows the failure.
+    Fails,
+}
+
+impl Ending {
+    pub(crate) fn exit_code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::ToleranceNotReached => 5,
+            Self::BudgetReached => 6,
+            Self::Interrupted => 130,
+            Self::Fails => reduce::FAILS,
+        }
+    }
 }
 
 fn main() -> ExitCode {
     // clap exits with 2 on bad usage and with 0 after --help.
     let options = Options::parse();
-    progress::catch_interrupts();
+    progress::start(options.command.limits());
     if let Some(threads) = options.command.common().threads {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -52,12 +67,14 @@ fn main() -> ExitCode {
         Command::Probe(probe) => probe::run(probe),
         Command::Factors(factors) => factors::run(factors),
         Command::Render(render) => render::run(render),
+        Command::Reduce(args) => reduce::run(args),
+        Command::ReduceTry(args) => reduce::try_once(args),
     });
     let failure = match outcome {
-        Ok(Ok(Ending::Done)) => return ExitCode::SUCCESS,
-        Ok(Ok(Ending::ToleranceNotReached)) => return ExitCode::from(5),
-        Ok(Ok(Ending::BudgetReached)) => return ExitCode::from(6),
-        Ok(Ok(Ending::Interrupted)) => return ExitCode::from(130),
+        Ok(Ok(ending)) => match say::failure() {
+            None => return ExitCode::from(ending.exit_code()),
+            Some(failure) => failure,
+        },
         Ok(Err(failure)) => failure,
         Err(_) => Failure::internal("this is a bug in antumbra; please report it with the scene"),
     };

@@ -5,10 +5,10 @@ use crate::args::{Common, Mesh, Meshing};
 use crate::failure::Failure;
 use crate::input::{self, Loaded};
 use crate::output;
-use crate::progress::Watch;
+use crate::progress::{Watch, was_interrupted};
 use crate::report::{self, Outcome};
 use crate::say::say;
-use antumbra::{Control, Ended, Meshed, Solved};
+use antumbra::{Ended, Meshed, Solved};
 
 /// What is to be done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,17 +52,19 @@ pub(crate) fn run(mesh: &Mesh, work: Work) -> Result<Ending, Failure> {
     let formats = output::formats(&mesh.output, &output::MESHES)?;
     let loaded = input::load(common)?;
     output::check_look(&mesh.picture, &loaded.scene, work)?;
-    let watch = Watch::new(common, &mesh.meshing.limits);
+    let watch = Watch::new(common);
     let done = compute(&loaded, &mesh.meshing, &watch, work)?;
     let result = done.as_report();
     let exported = result.export(&loaded);
     let (phases, _) = watch.finish();
-    for (path, format) in mesh.output.iter().zip(formats) {
-        output::write(path, format, &exported, &mesh.picture)?;
-    }
+    output::write_all(&mesh.output, formats, &exported, &mesh.picture)?;
     let ending = ending(&watch, &result);
     let (_, total) = watch.finish();
-    let report = report::document(&loaded, &mesh.meshing, &result, &phases, total);
+    let stop = result.is_stopped().then(|| report::Stop {
+        why: watch.stopped().1,
+        phase: watch.phase(),
+    });
+    let report = report::document(&loaded, &mesh.meshing, &result, &phases, total, stop);
     show(common, &report, &result, &mesh.output);
     Ok(ending)
 }
@@ -75,25 +77,24 @@ pub(crate) fn compute(
     work: Work,
 ) -> Result<Done, Failure> {
     let options = meshing.options();
-    let control = Control {
-        should_stop: &|| watch.should_stop(),
-        progress: &|phase, done| watch.progress(phase, done),
-    };
-    let done = match work {
+    let done = watch.run(|control| match work {
         Work::Mesh => {
-            antumbra::mesh(&loaded.scene, &options, &control).map(|m| Done::Meshed(Box::new(m)))
+            antumbra::mesh(&loaded.scene, &options, control).map(|m| Done::Meshed(Box::new(m)))
         }
         Work::Solve => {
-            antumbra::solve(&loaded.scene, &options, &control).map(|s| Done::Solved(Box::new(s)))
+            antumbra::solve(&loaded.scene, &options, control).map(|s| Done::Solved(Box::new(s)))
         }
-    };
+    });
     done.map_err(|error| Failure::internal(error.to_string()))
 }
 
 /// How the run ended.
 pub(crate) fn ending(watch: &Watch, result: &Outcome<'_>) -> Ending {
-    if let Some(stopped) = watch.stopped() {
-        return stopped;
+    if was_interrupted() {
+        return Ending::Interrupted;
+    }
+    if result.is_stopped() {
+        return watch.stopped().0;
     }
     let reached = match result.meshes.ended {
         Ended::ToleranceReached => true,

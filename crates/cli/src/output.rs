@@ -6,8 +6,10 @@ use crate::mesh::Work;
 use antumbra::Scene;
 use antumbra::io::model::{FactorTable, MeshedScene};
 use antumbra::io::{picture, write};
+use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// What an output's extension asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +25,7 @@ pub(crate) enum Format {
 }
 
 /// The formats of all outputs, checked before any work is done: the extension
-/// must be known and the folder must be there.
+/// must be known, the folder must be there, and it must be possible to write there.
 pub(crate) fn formats(outputs: &[PathBuf], allowed: &[Format]) -> Result<Vec<Format>, Failure> {
     for (i, path) in outputs.iter().enumerate() {
         if outputs[..i].contains(path) {
@@ -58,6 +60,7 @@ pub(crate) fn formats(outputs: &[PathBuf], allowed: &[Format]) -> Result<Vec<For
                     folder.display()
                 )));
             }
+            check_place(path)?;
             Ok(format)
         })
         .collect()
@@ -88,13 +91,33 @@ pub(crate) const MESHES: [Format; 7] = [
     Format::Png,
 ];
 
-/// Writes one file: into a new file beside it, which then takes its name.
-pub(crate) fn write(
-    path: &Path,
-    format: Format,
+/// Writes all files. One that cannot be written does not keep the others from being
+/// written; the failure tells which ones are there.
+pub(crate) fn write_all(
+    outputs: &[PathBuf],
+    formats: Vec<Format>,
     scene: &MeshedScene,
     look: &Picture,
 ) -> Result<(), Failure> {
+    let (mut written, mut failures) = (Vec::new(), Vec::new());
+    for (path, format) in outputs.iter().zip(formats) {
+        match write(path, format, scene, look) {
+            Ok(()) => written.push(path.display().to_string()),
+            Err(failure) => failures.push(failure.to_string()),
+        }
+    }
+    if failures.is_empty() {
+        return Ok(());
+    }
+    let mut message = failures.join("\n");
+    if !written.is_empty() {
+        message.push_str(&format!("\nwritten all the same: {}", written.join(", ")));
+    }
+    Err(Failure::internal(message))
+}
+
+/// Writes one file: into a new file beside it, which then takes its name.
+fn write(path: &Path, format: Format, scene: &MeshedScene, look: &Picture) -> Result<(), Failure> {
     atomically(path, |out| match format {
         Format::Json => write::json::write(scene, out),
         Format::Obj => write::obj::write(scene, out),
@@ -209,26 +232,105 @@ pub(crate) fn check_look(look: &Picture, scene: &Scene, work: Work) -> Result<()
     }
 }
 
-/// Writes into a new file beside `path` that takes its name when it is complete;
-/// on failure nothing remains.
-fn atomically(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<std::fs::File>) -> std::io::Result<()>,
-) -> Result<(), Failure> {
-    let name = path
+/// Files that are being written, to be removed if the process ends before.
+static TEMPORARIES: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn temporaries() -> MutexGuard<'static, Vec<PathBuf>> {
+    // Whoever panicked while it had the list: it is still a list.
+    TEMPORARIES.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes what is half written, then calls `end`; meanwhile no new file is begun.
+pub(crate) fn remove_temporaries(end: impl FnOnce()) {
+    let mut list = temporaries();
+    for path in list.drain(..) {
+        let _ = std::fs::remove_file(path);
+    }
+    end();
+}
+
+/// A new file that is removed again unless it is renamed: also on a panic, and on the
+/// second interrupt.
+pub(crate) struct Temporary(PathBuf);
+
+impl Temporary {
+    pub(crate) fn path(&self) -> &Path {
+        &self.0
+    }
+
+    pub(crate) fn create(path: PathBuf) -> std::io::Result<(Self, File)> {
+        let mut list = temporaries();
+        let file = File::create(&path)?;
+        list.push(path.clone());
+        Ok((Self(path), file))
+    }
+
+    fn rename(self, to: &Path) -> std::io::Result<()> {
+        let mut list = temporaries();
+        std::fs::rename(&self.0, to)?;
+        list.retain(|path| *path != self.0);
+        Ok(())
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        let mut list = temporaries();
+        if let Some(at) = list.iter().position(|path| *path == self.0) {
+            list.remove(at);
+            let _ = std::fs::remove_file(&self.0);
+        }
+    }
+}
+
+/// The file that a path leads to, if it is a link; and the name of a new file beside it.
+fn places(path: &Path) -> (PathBuf, PathBuf) {
+    let target = match std::fs::canonicalize(path) {
+        Ok(target) if path.is_symlink() => target,
+        _ => path.to_owned(),
+    };
+    let name = target
         .file_name()
         .map(|n| n.to_string_lossy().into_owned())
         .unwrap_or_default();
-    let temporary = parent(path).join(format!(".{name}.{}.part", std::process::id()));
-    let result = std::fs::File::create(&temporary).and_then(|file| {
+    let temporary = parent(&target).join(format!(".{name}.{}.part", std::process::id()));
+    (target, temporary)
+}
+
+/// Can a file be written here? Asked before any work is done.
+fn check_place(path: &Path) -> Result<(), Failure> {
+    let refuse = |why: String| Err(Failure::usage(format!("{}: {why}", path.display())));
+    match std::fs::metadata(path) {
+        Ok(found) if found.is_dir() => return refuse("is a folder".into()),
+        Ok(found) if !found.is_file() => return refuse("is no regular file".into()),
+        Ok(found) if found.permissions().readonly() => {
+            return refuse("is there already and read-only".into());
+        }
+        _ => {}
+    }
+    let (_, temporary) = places(path);
+    match Temporary::create(temporary) {
+        Ok(_) => Ok(()),
+        Err(error) => refuse(format!("cannot be written: {error}")),
+    }
+}
+
+/// Writes into a new file beside `path` that takes its name when it is complete;
+/// on failure nothing remains.
+pub(crate) fn atomically(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+) -> Result<(), Failure> {
+    let (target, temporary) = places(path);
+    let write = || -> std::io::Result<()> {
+        let (temporary, file) = Temporary::create(temporary)?;
         let mut out = BufWriter::new(file);
         write(&mut out)?;
         out.flush()?;
         out.get_ref().sync_all()?;
-        std::fs::rename(&temporary, path)
-    });
-    result.map_err(|error| {
-        let _ = std::fs::remove_file(&temporary);
+        temporary.rename(&target)
+    };
+    write().map_err(|error| {
         Failure::internal(format!("{}: cannot be written: {error}", path.display()))
     })
 }

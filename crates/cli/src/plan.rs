@@ -7,7 +7,7 @@ use crate::input::{self, Loaded};
 use crate::progress::Watch;
 use crate::report::counts;
 use crate::say::say;
-use antumbra::{Control, Effect, Evaluator, EventKind, ExactLight, Plan, Quantity, Scratch};
+use antumbra::{Effect, Evaluator, EventKind, ExactLight, Plan, Quantity, Scratch};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -15,17 +15,20 @@ use std::time::Instant;
 pub(crate) fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     let common = &args.common;
     let loaded = input::load(common)?;
-    let watch = Watch::new(common, &args.meshing.limits);
-    let control = Control {
-        should_stop: &|| watch.should_stop(),
-        progress: &|phase, done| watch.progress(phase, done),
-    };
+    let watch = Watch::new(common);
     let quantity = if args.direct {
         Quantity::Direct
     } else {
         Quantity::Total
     };
-    let plan = antumbra::plan(&loaded.scene, &args.meshing.options(), quantity, &control);
+    let plan = watch
+        .run(|control| antumbra::plan(&loaded.scene, &args.meshing.options(), quantity, control));
+    // A plan of some of the receivers would be none of the scene.
+    if watch.should_stop() {
+        let (ending, why) = watch.stopped();
+        eprintln!("antumbra: stopped by {why} before the plan was complete: there is none");
+        return Ok(ending);
+    }
     let (_, planning) = watch.finish();
     let seconds = plan
         .expected
@@ -35,10 +38,7 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     } else {
         say!("{}", table(&plan, seconds).trim_end());
     }
-    Ok(match watch.stopped() {
-        Some(stopped) => stopped,
-        None => Ending::Done,
-    })
+    Ok(Ending::Done)
 }
 
 /// Measured on points of the scene itself, for all threads together.

@@ -6,11 +6,11 @@ use crate::failure::Failure;
 use crate::input;
 use crate::mesh::{self, Done, Work};
 use crate::progress::Watch;
+use crate::say::{self, say};
 use antumbra::values::{self, Place};
 use antumbra::{Evaluator, ExactLight, Scratch};
 use glam::DVec3;
 use rayon::prelude::*;
-use std::io::Write as _;
 
 /// A row of the points' file.
 struct Row {
@@ -41,6 +41,9 @@ pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
     let exact = probe.exact || !(probe.mesh || probe.solve);
     let n_bands = scene.n_bands;
     let mut columns: Vec<(&str, Vec<Option<Vec<f64>>>)> = Vec::new();
+    let watch = Watch::new(common);
+    // Points without a value, because there was no time for them.
+    let mut is_cut_short = false;
 
     if exact {
         let evaluator = Evaluator::new(scene);
@@ -48,27 +51,22 @@ pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
         let values: Result<Vec<_>, values::PointError> = rows
             .par_iter()
             .map_init(Scratch::default, |scratch, row| match &row.target {
+                _ if watch.should_stop() => Ok(None),
                 Target::Surface(place) => Ok(Some(values::exact(&light, place, scratch))),
                 Target::Free { point, normal } => {
                     values::exact_free(&evaluator, *point, *normal, scratch).map(Some)
                 }
             })
             .collect();
-        columns.push((
-            "direct_exact",
-            values.map_err(|e| Failure::usage(e.to_string()))?,
-        ));
+        let values = values.map_err(|e| Failure::usage(e.to_string()))?;
+        is_cut_short |= values.iter().any(Option::is_none);
+        columns.push(("direct_exact", values));
     }
     let mut ending = Ending::Done;
-    let mut with_mesh = |work: Work| -> Result<Done, Failure> {
-        let watch = Watch::new(common, &probe.meshing.limits);
-        let done = mesh::compute(&loaded, &probe.meshing, &watch, work)?;
-        watch.finish();
-        ending = mesh::ending(&watch, &done.as_report());
-        Ok(done)
-    };
     if probe.mesh || probe.solve {
-        let done = with_mesh(if probe.solve { Work::Solve } else { Work::Mesh })?;
+        let work = if probe.solve { Work::Solve } else { Work::Mesh };
+        let done = mesh::compute(&loaded, &probe.meshing, &watch, work)?;
+        ending = mesh::ending(&watch, &done.as_report());
         let on_surface = |f: &dyn Fn(&Place) -> Option<Vec<f64>>| -> Vec<Option<Vec<f64>>> {
             rows.iter()
                 .map(|row| match &row.target {
@@ -88,19 +86,28 @@ pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
             let places: Vec<Place> = rows.iter().filter_map(Row::place).collect();
             let evaluator = Evaluator::new(scene);
             let light = ExactLight::new(&evaluator);
-            let mut found =
-                values::solved(&light, &evaluator, &solved.radiosity, &places).into_iter();
+            let found = watch.run(|control| {
+                values::solved_until(&light, &evaluator, &solved.radiosity, &places, control)
+            });
+            is_cut_short |= found.iter().any(Option::is_none);
+            let mut found = found.into_iter();
             let values = rows
                 .iter()
-                .map(|row| row.place().and_then(|_| found.next()))
+                .map(|row| row.place().and_then(|_| found.next().flatten()))
                 .collect();
             columns.push(("irradiance", values));
         }
     }
+    watch.finish();
+    if is_cut_short {
+        let (stopped, why) = watch.stopped();
+        eprintln!("antumbra: stopped by {why}: some points have no value");
+        ending = stopped;
+    }
     if common.json {
-        print_json(&header, &rows, &columns, n_bands)?;
+        print_json(&header, &rows, &columns, n_bands);
     } else {
-        print_csv(&header, &rows, &columns, n_bands)?;
+        say::check(print_csv(&header, &rows, &columns, n_bands));
     }
     Ok(ending)
 }
@@ -195,11 +202,14 @@ fn print_csv(
     rows: &[Row],
     columns: &[(&str, Vec<Option<Vec<f64>>>)],
     n_bands: usize,
-) -> Result<(), Failure> {
+) -> std::io::Result<()> {
     let mut out = csv::Writer::from_writer(std::io::stdout().lock());
     let write = |out: &mut csv::Writer<_>, record: Vec<String>| {
         out.write_record(&record)
-            .map_err(|e| Failure::internal(format!("standard output: {e}")))
+            .map_err(|error| match error.into_kind() {
+                csv::ErrorKind::Io(error) => error,
+                other => std::io::Error::other(format!("{other:?}")),
+            })
     };
     write(
         &mut out,
@@ -224,7 +234,6 @@ fn print_csv(
         write(&mut out, record)?;
     }
     out.flush()
-        .map_err(|e| Failure::internal(format!("standard output: {e}")))
 }
 
 fn print_json(
@@ -232,7 +241,7 @@ fn print_json(
     rows: &[Row],
     columns: &[(&str, Vec<Option<Vec<f64>>>)],
     n_bands: usize,
-) -> Result<(), Failure> {
+) {
     let points: Vec<serde_json::Value> = rows
         .iter()
         .enumerate()
@@ -258,6 +267,5 @@ fn print_json(
         })
         .collect();
     let document = serde_json::json!({ "version": env!("CARGO_PKG_VERSION"), "points": points });
-    writeln!(std::io::stdout().lock(), "{document:#}")
-        .map_err(|e| Failure::internal(format!("standard output: {e}")))
+    say!("{document:#}");
 }

@@ -19,17 +19,14 @@ pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
         Work::Solve
     };
     output::check_look(&render.picture, &loaded.scene, work)?;
-    let watch = Watch::new(common, &render.meshing.limits);
+    let watch = Watch::new(common);
     let done = mesh::compute(&loaded, &render.meshing, &watch, work)?;
     let result = done.as_report();
     watch.finish();
     let exported = result.export(&loaded);
-    for (path, format) in render.output.iter().zip(formats) {
-        output::write(path, format, &exported, &render.picture)?;
-        if common.json {
-            continue;
-        }
-        if !common.quiet {
+    output::write_all(&render.output, formats, &exported, &render.picture)?;
+    if !common.json && !common.quiet {
+        for path in &render.output {
             say!("wrote {}", path.display());
         }
     }

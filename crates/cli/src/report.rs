@@ -6,8 +6,8 @@ use crate::plan;
 use crate::progress::peak_memory;
 use antumbra::io::model::MeshedScene;
 use antumbra::{
-    DirectSolution, Ended, EventCounts, EventKind, Plan, RadiositySolution, ReceiverCurves, Scene,
-    Tolerance, order_key,
+    DirectSolution, Ended, EventCounts, EventKind, Phase, Plan, Progress, RadiositySolution,
+    Reached, ReceiverCurves, Scene, Tolerance, order_key,
 };
 use serde_json::{Map, Value, json};
 
@@ -20,7 +20,21 @@ pub(crate) struct Outcome<'a> {
     pub(crate) radiosity: Option<&'a RadiositySolution>,
 }
 
+/// What ended a run before its end.
+pub(crate) struct Stop {
+    pub(crate) why: &'static str,
+    pub(crate) phase: Option<Phase>,
+}
+
 impl Outcome<'_> {
+    /// Did the work end with what there was?
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.meshes.ended == Ended::Stopped
+            || self
+                .radiosity
+                .is_some_and(|r| r.reached != Reached::Finished)
+    }
+
     /// What files are written from.
     pub(crate) fn export(&self, loaded: &Loaded) -> MeshedScene {
         let generator = format!("antumbra {}", env!("CARGO_PKG_VERSION"));
@@ -35,6 +49,7 @@ pub(crate) fn document(
     result: &Outcome<'_>,
     phases: &[(&'static str, f64)],
     total: f64,
+    stop: Option<Stop>,
 ) -> Value {
     let scene = &loaded.scene;
     let options = meshing.options();
@@ -65,8 +80,8 @@ pub(crate) fn document(
         "exact_evaluations": n_evaluations,
         "tolerance": tolerance,
         "tolerance_is_relative": is_relative,
-        "measured_max_error": meshes.measured_max_error,
-        "measured_rms_error": meshes.measured_rms_error,
+        "measured_max_error": measured(n_elements, meshes.measured_max_error),
+        "measured_rms_error": measured(n_elements, meshes.measured_rms_error),
         "tolerance_reached": meshes.ended == Ended::ToleranceReached,
         "unresolved_elements": unresolved,
         "unresolved_area_fraction": unresolved_area(meshes),
@@ -83,7 +98,17 @@ pub(crate) fn document(
         "threads": rayon::current_num_threads(),
         "warnings": loaded.warnings.iter().map(|w| w.message.clone()).chain(loaded.notes.iter().cloned()).collect::<Vec<_>>(),
     });
+    if let (Some(stop), Some(object)) = (stop, document.as_object_mut()) {
+        object.insert("stopped".into(), stopped(&stop, result));
+    }
     if let (Some(radiosity), Some(object)) = (result.radiosity, document.as_object_mut()) {
+        if !radiosity.reached.has_values() {
+            for key in ["iterations", "residual", "measured_indirect_error", "power"] {
+                object.insert(key.into(), Value::Null);
+            }
+            object.insert("converged".into(), json!(false));
+            return document;
+        }
         object.insert("iterations".into(), json!(radiosity.iterations));
         object.insert("residual".into(), json!(radiosity.residual));
         object.insert("converged".into(), json!(radiosity.is_converged));
@@ -100,15 +125,17 @@ pub(crate) fn document(
             }),
         );
         let power = &radiosity.power;
-        object.insert(
-            "power".into(),
+        let balance = if power.emitted.is_empty() {
+            Value::Null
+        } else {
             json!({
                 "emitted": bands(&power.emitted),
                 "absorbed": bands(&power.absorbed),
                 "escaped": bands(&power.escaped),
                 "imbalance": power.imbalance,
-            }),
-        );
+            })
+        };
+        object.insert("power".into(), balance);
         let sums: Vec<Value> = radiosity
             .row_sums
             .iter()
@@ -127,6 +154,62 @@ pub(crate) fn document(
         object.insert("row_sums".into(), json!(sums));
     }
     document
+}
+
+/// An error that was measured, unless there was nothing to measure it on.
+fn measured(n_elements: usize, error: f64) -> Value {
+    if n_elements > 0 {
+        json!(error)
+    } else {
+        Value::Null
+    }
+}
+
+/// How far the work got until it was stopped.
+fn stopped(stop: &Stop, result: &Outcome<'_>) -> Value {
+    let mut object = Map::new();
+    object.insert("by".into(), json!(stop.why));
+    object.insert("phase".into(), json!(stop.phase.map(Phase::name)));
+    let mut receivers = Map::new();
+    for progress in PROGRESSES {
+        let n = n_with(result, progress);
+        receivers.insert(words(progress).into(), json!(n));
+    }
+    object.insert("receivers".into(), Value::Object(receivers));
+    if let Some(radiosity) = result.radiosity {
+        let (words, bytes) = match radiosity.reached {
+            Reached::Finished => ("solved", None),
+            Reached::Unfinished => ("solved coarsely", None),
+            Reached::Nothing => ("not solved", None),
+            Reached::NoRoom(bytes) => ("no room", Some(bytes)),
+        };
+        object.insert("interreflection".into(), json!(words));
+        if let Some(bytes) = bytes {
+            object.insert("interreflection_needs_bytes".into(), json!(bytes));
+        }
+    }
+    Value::Object(object)
+}
+
+const PROGRESSES: [Progress; 4] = [
+    Progress::Finished,
+    Progress::Unfinished,
+    Progress::BorderOnly,
+    Progress::Nothing,
+];
+
+fn words(progress: Progress) -> &'static str {
+    match progress {
+        Progress::Finished => "finished",
+        Progress::Unfinished => "unfinished",
+        Progress::BorderOnly => "border only",
+        Progress::Nothing => "nothing",
+    }
+}
+
+fn n_with(result: &Outcome<'_>, progress: Progress) -> usize {
+    let meshes = &result.meshes.receivers;
+    meshes.iter().filter(|m| m.progress == progress).count()
 }
 
 /// One band as a number, several as an array.
@@ -177,7 +260,7 @@ fn per_surface(scene: &Scene, result: &Outcome<'_>) -> Value {
         .map(|(mesh, curves)| {
             let face = scene.face(mesh.face);
             let surface = scene.surface_of(mesh.face);
-            json!({
+            let mut row = json!({
                 "surface": surface.name,
                 "part": mesh.face.0 - surface.faces.start,
                 "back": face.is_back,
@@ -187,7 +270,12 @@ fn per_surface(scene: &Scene, result: &Outcome<'_>) -> Value {
                 "curves": curves.critical.len(),
                 "max_error": mesh.max_error(),
                 "unresolved_elements": mesh.unresolved.len(),
-            })
+            });
+            if let (true, Some(object)) = (mesh.progress != Progress::Finished, row.as_object_mut())
+            {
+                object.insert("progress".into(), json!(words(mesh.progress)));
+            }
+            row
         })
         .collect();
     json!(rows)
@@ -227,7 +315,33 @@ pub(crate) fn summary(report: &Value, result: &Outcome<'_>) -> String {
             report["unresolved_area_fraction"].as_f64().unwrap_or(0.0),
         ));
     }
+    if result.is_stopped() {
+        let [finished, unfinished, border, nothing] = PROGRESSES.map(|p| n_with(result, p));
+        text.push_str(&format!(
+            "\nstopped by {} in phase {}: of {} receivers {finished} are finished, {unfinished} are \
+             less fine than asked for, {border} have coarse meshes without shadow boundaries, \
+             {nothing} have no values",
+            report["stopped"]["by"].as_str().unwrap_or("?"),
+            report["stopped"]["phase"].as_str().unwrap_or("?"),
+            result.meshes.receivers.len(),
+        ));
+    }
     if let Some(radiosity) = result.radiosity {
+        match radiosity.reached {
+            Reached::Finished | Reached::Unfinished => {}
+            Reached::Nothing => {
+                text.push_str("\ninterreflection: not solved; the values are direct light only");
+                return text;
+            }
+            Reached::NoRoom(bytes) => {
+                text.push_str(&format!(
+                    "\ninterreflection: not solved, it needs {:.0} MB at least; the values are \
+                     direct light only",
+                    bytes as f64 / 1e6
+                ));
+                return text;
+            }
+        }
         let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
         for row in &radiosity.row_sums {
             (min, max) = (min.min(row.min), max.max(row.max));

@@ -6,9 +6,11 @@
 pub mod cdt;
 mod chart;
 mod polygon;
+mod stop;
 
 pub use chart::Chart;
 pub use glam::{DVec2, DVec3, dvec2, dvec3};
 pub use polygon::{
     convex_pieces, newell_normal, point_in_polygon, polygon_area, segments_cross, signed_area,
 };
+pub use stop::Stop;

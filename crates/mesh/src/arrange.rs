@@ -1,5 +1,6 @@
 //! The arrangement of the curves on a receiver: edges that meet only in vertices.
 
+use antumbra_geom::Stop;
 use glam::{DVec2, dvec2};
 use smallvec::SmallVec;
 
@@ -134,6 +135,20 @@ pub struct Arrangement {
 /// for what comes before it.
 #[must_use]
 pub fn arrange(curves: &[TaggedCurve], options: &ArrangementOptions) -> Arrangement {
+    // Nothing stops it, so there is always one.
+    arrange_until(curves, options, Stop::NEVER).unwrap_or_default()
+}
+
+/// The same; nothing if it was stopped.
+#[must_use]
+pub fn arrange_until(
+    curves: &[TaggedCurve],
+    options: &ArrangementOptions,
+    stop: Stop<'_>,
+) -> Option<Arrangement> {
+    if stop.is_wanted() {
+        return None;
+    }
     let valid: Vec<(u32, &TaggedCurve)> = (0..)
         .zip(curves)
         .filter(|(_, c)| is_bounded(c))
@@ -147,7 +162,7 @@ pub fn arrange(curves: &[TaggedCurve], options: &ArrangementOptions) -> Arrangem
     loop {
         let bits = bits - n_coarsened;
         let Some(frame) = choose_frame(&valid, bits) else {
-            return Arrangement {
+            return Some(Arrangement {
                 pixel: 1.0,
                 tolerance: 1.0,
                 report: ArrangementReport {
@@ -156,7 +171,7 @@ pub fn arrange(curves: &[TaggedCurve], options: &ArrangementOptions) -> Arrangem
                     ..Default::default()
                 },
                 ..Default::default()
-            };
+            });
         };
         // At the coarsest there is no way out but through.
         let budget = if bits == MIN_BITS {
@@ -170,12 +185,16 @@ pub fn arrange(curves: &[TaggedCurve], options: &ArrangementOptions) -> Arrangem
             weld,
             cluster,
             budget,
+            stop,
         };
         if let Some(mut arrangement) = arranger.arrange(&valid) {
             arrangement.report.n_curves = curves.len();
             arrangement.report.n_skipped += curves.len() - valid.len();
             arrangement.report.n_coarsened = n_coarsened;
-            return arrangement;
+            return Some(arrangement);
+        }
+        if stop.is_wanted() {
+            return None;
         }
         n_coarsened += 1;
     }
@@ -236,26 +255,33 @@ fn log2_ceil(x: f64) -> i32 {
 }
 
 /// One attempt, with given pixels.
-struct Arranger {
+struct Arranger<'a> {
     frame: Frame,
     sub_bits: u32,
     weld: f64,
     cluster: f64,
     budget: usize,
+    stop: Stop<'a>,
 }
 
-impl Arranger {
-    /// Nothing if there would be too many edges.
+impl Arranger<'_> {
+    /// Nothing if there would be too many edges, or if it was stopped.
     fn arrange(&self, curves: &[(u32, &TaggedCurve)]) -> Option<Arrangement> {
         let (nodes, segments) = self.segments(curves);
         let mut sets = CurveSets::default();
-        let (pieces, n_lines) = cut_lines(&nodes.list, &segments, self.cluster / 4.0, &mut sets);
+        let (pieces, n_lines) = cut_lines(
+            &nodes.list,
+            &segments,
+            self.cluster / 4.0,
+            &mut sets,
+            self.stop,
+        )?;
 
         let fine: Vec<[Fine; 2]> = pieces
             .iter()
             .map(|piece| piece.ends.map(|n| self.fine(&nodes.list[n as usize])))
             .collect();
-        let chains = snap_round(&fine, self.sub_bits, self.budget)?;
+        let chains = snap_round(&fine, self.sub_bits, self.budget, self.stop)?;
         let edges = chain_edges(&pieces, &chains, &mut sets);
         let (vertices, n_nodes) = self.vertices(&nodes, &pieces, &chains.pixels);
 

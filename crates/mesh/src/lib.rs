@@ -21,6 +21,7 @@ mod trimesh;
 
 pub use arrange::{
     ArrangedEdge, Arrangement, ArrangementOptions, ArrangementReport, Order, TaggedCurve, arrange,
+    arrange_until,
 };
 pub use cut::{Cut, Origins};
 pub use locate::Locator;

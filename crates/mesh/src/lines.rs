@@ -9,6 +9,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::f64::consts::PI;
 
+use antumbra_geom::Stop;
 use glam::{DVec2, dvec2};
 use smallvec::SmallVec;
 
@@ -42,23 +43,28 @@ pub(crate) struct Piece {
 ///
 /// A segment belongs to a line if both its ends are within `tolerance` pixels of
 /// it. Border segments define lines first, then the longest. Nodes within
-/// `tolerance` of a line cut it, also those of no segment on it.
+/// `tolerance` of a line cut it, also those of no segment on it. Nothing if it was
+/// stopped.
 pub(crate) fn cut_lines(
     nodes: &[Node],
     segments: &[Segment],
     tolerance: f64,
     sets: &mut CurveSets,
-) -> (Vec<Piece>, usize) {
-    let lines = cluster(nodes, segments, tolerance);
+    stop: Stop<'_>,
+) -> Option<(Vec<Piece>, usize)> {
+    let lines = cluster(nodes, segments, tolerance, stop)?;
     let positions: Vec<DVec2> = nodes.iter().map(|n| n.position).collect();
     let grid = Grid::of_points(&positions);
     let mut pieces = Vec::new();
     for line in &lines {
+        if stop.is_wanted() {
+            return None;
+        }
         line.cut(&positions, segments, &grid, tolerance, sets, &mut pieces);
     }
     pieces.sort_unstable();
     merge_pieces(&mut pieces, sets);
-    (pieces, lines.len())
+    Some((pieces, lines.len()))
 }
 
 /// Makes sorted pieces with the same ends one.
@@ -201,8 +207,13 @@ impl Line {
     }
 }
 
-/// Sorts the segments into lines.
-fn cluster(nodes: &[Node], segments: &[Segment], tolerance: f64) -> Vec<Line> {
+/// Sorts the segments into lines; nothing if it was stopped.
+fn cluster(
+    nodes: &[Node],
+    segments: &[Segment],
+    tolerance: f64,
+    stop: Stop<'_>,
+) -> Option<Vec<Line>> {
     let ends = |s: u32| {
         segments[s as usize]
             .ends
@@ -222,6 +233,9 @@ fn cluster(nodes: &[Node], segments: &[Segment], tolerance: f64) -> Vec<Line> {
     let mut lines: Vec<Line> = Vec::new();
     let mut by_cell: HashMap<[i64; 2], SmallVec<[u32; 2]>> = HashMap::new();
     for s in order {
+        if stop.is_wanted() {
+            return None;
+        }
         let [a, b] = ends(s);
         let (key, near) = cells.around(a, b);
         let found = near
@@ -242,7 +256,7 @@ fn cluster(nodes: &[Node], segments: &[Segment], tolerance: f64) -> Vec<Line> {
         });
         lines[line as usize].members.push(s);
     }
-    lines
+    Some(lines)
 }
 
 /// Lines by direction and distance from the centre, in cells.

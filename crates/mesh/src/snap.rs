@@ -18,6 +18,7 @@
 
 use std::cmp::Ordering;
 
+use antumbra_geom::Stop;
 use glam::{DVec2, dvec2};
 
 use crate::grid::Grid;
@@ -39,11 +40,17 @@ pub(crate) struct Chains {
     pub(crate) ends: Vec<usize>,
 }
 
-/// The chain of each segment, or nothing if there would be more than `budget` links.
+/// The chain of each segment, or nothing if there would be more than `budget` links or
+/// if it was stopped.
 ///
 /// The segments have distinct ends and are in fine units.
-pub(crate) fn snap_round(segments: &[[Fine; 2]], sub_bits: u32, budget: usize) -> Option<Chains> {
-    let mut pixels = hot_pixels(segments, sub_bits, budget)?;
+pub(crate) fn snap_round(
+    segments: &[[Fine; 2]],
+    sub_bits: u32,
+    budget: usize,
+    stop: Stop<'_>,
+) -> Option<Chains> {
+    let mut pixels = hot_pixels(segments, sub_bits, budget, stop)?;
     pixels.sort_unstable();
     pixels.dedup();
 
@@ -73,7 +80,7 @@ pub(crate) fn snap_round(segments: &[[Fine; 2]], sub_bits: u32, budget: usize) -
         met.dedup();
         links.extend(met.iter().map(|m| m.1));
         ends.push(links.len());
-        if links.len() > budget {
+        if links.len() > budget || stop.is_wanted() {
             return None;
         }
     }
@@ -90,7 +97,12 @@ pub(crate) fn pixel_of(p: Fine, sub_bits: u32) -> [i64; 2] {
 }
 
 /// The pixels of all ends and all proper crossings, with repetitions.
-fn hot_pixels(segments: &[[Fine; 2]], sub_bits: u32, budget: usize) -> Option<Vec<[i64; 2]>> {
+fn hot_pixels(
+    segments: &[[Fine; 2]],
+    sub_bits: u32,
+    budget: usize,
+    stop: Stop<'_>,
+) -> Option<Vec<[i64; 2]>> {
     let mut pixels: Vec<[i64; 2]> = segments
         .iter()
         .flatten()
@@ -104,6 +116,9 @@ fn hot_pixels(segments: &[[Fine; 2]], sub_bits: u32, budget: usize) -> Option<Ve
     for cell in 0..grid.n_cells() {
         let items = grid.items(cell);
         for (n, &i) in items.iter().enumerate() {
+            if stop.is_wanted() {
+                return None;
+            }
             let s = segments[i as usize];
             for &j in &items[n + 1..] {
                 if let Some(pixel) = crossing_pixel(s, segments[j as usize], sub_bits) {
@@ -292,7 +307,7 @@ mod tests {
             [[-m, 0], [m, 1]],
             [[1, -m], [0, m]],
         ];
-        let chains = snap_round(&segments, 16, 1 << 20).unwrap();
+        let chains = snap_round(&segments, 16, 1 << 20, Stop::NEVER).unwrap();
         assert_eq!(chains.ends.len(), 5);
         assert!(chains.pixels.contains(&[0, 0]));
     }

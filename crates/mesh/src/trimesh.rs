@@ -131,6 +131,20 @@ impl TriMesh {
         })
     }
 
+    /// A mesh of nothing.
+    #[must_use]
+    pub fn empty() -> Self {
+        Self {
+            vertices: Vec::new(),
+            triangles: Vec::new(),
+            neighbours: Vec::new(),
+            edges: HashMap::new(),
+            sets: CurveSets::default(),
+            orders: Vec::new(),
+            pixel: 1.0,
+        }
+    }
+
     /// The curves that the edge between two vertices is part of, if any.
     #[must_use]
     pub fn edge_curves(&self, a: u32, b: u32) -> Option<SetId> {

@@ -4,7 +4,9 @@
 //! measure what interpolation costs; elements above the tolerance are bisected
 //! until the whole scene is below it.
 
-use crate::field::{Field, Light, Receiver, ReceiverMesh};
+use crate::field::{Field, Light, Progress, Receiver, ReceiverMesh};
+use crate::limits::Limits;
+use antumbra_geom::Stop;
 use antumbra_mesh::TriMesh;
 use rayon::prelude::*;
 
@@ -63,6 +65,11 @@ pub struct DirectSolution {
 /// feature the curves do not tell of hides in one element.
 const COARSEST: f64 = 0.5;
 
+/// Are all of them true? Unlike rayon's own, looks at every one.
+fn all(done: impl ParallelIterator<Item = bool>) -> bool {
+    done.reduce(|| true, |a, b| a && b)
+}
+
 /// Meshes with direct light that may still be refined.
 #[derive(Debug)]
 pub struct DirectMeshes {
@@ -75,22 +82,23 @@ pub struct DirectMeshes {
 impl DirectMeshes {
     /// Values on all receivers to the tolerance.
     ///
-    /// `should_stop` is asked once a round; `progress` is told the number of
-    /// elements and the share of them that is within the tolerance.
+    /// `progress` is told the number of elements and the share of them that is within
+    /// the tolerance.
     pub fn solve(
         receivers: Vec<Receiver>,
         light: &dyn Light,
         options: &DirectOptions,
-        should_stop: &(dyn Fn() -> bool + Sync),
+        limits: &Limits<'_>,
         progress: &(dyn Fn(usize, f64) + Sync),
     ) -> Self {
+        let stop = limits.stop;
         let mut fields: Vec<Field> = receivers
-            .into_iter()
-            .map(|r| Field::new(r, light, options.degree))
+            .into_par_iter()
+            .map(|r| Field::new(r, light, options.degree, stop))
             .collect();
         fields.par_iter_mut().for_each(|field| {
             if !field.is_dark && !field.knows_all_curves() {
-                field.coarsest(COARSEST);
+                field.coarsest(COARSEST, stop);
             }
         });
         let mut meshes = Self {
@@ -99,41 +107,83 @@ impl DirectMeshes {
             tolerance: options.tolerance,
             ended: Ended::ToleranceReached,
         };
+        let mut is_stopped = !meshes.evaluate(light, stop) || stop.is_wanted();
+        if is_stopped {
+            meshes.round_off(light, limits.at_once);
+        }
         loop {
-            meshes.evaluate(light);
             let n_elements = meshes.n_elements();
             let mut levels = meshes.levels();
             let count = |levels: &[Vec<u8>]| levels.iter().flatten().filter(|&&l| l > 0).count();
-            if count(&levels) == 0 && options.verify {
+            if count(&levels) == 0 && options.verify && !is_stopped {
                 let allowed = meshes.allowed();
-                meshes
+                is_stopped = !all(meshes
                     .fields
                     .par_iter_mut()
-                    .for_each(|field| field.verify(light, &allowed));
+                    .map(|field| field.verify(light, &allowed, stop)));
                 meshes.gather_peak();
                 levels = meshes.levels();
             }
             let n_marked = count(&levels);
             progress(n_elements, 1.0 - n_marked as f64 / n_elements.max(1) as f64);
-            meshes.ended = if n_marked == 0 {
+            meshes.ended = if is_stopped {
+                Ended::Stopped
+            } else if n_marked == 0 {
                 Ended::ToleranceReached
             } else if n_elements + n_marked > options.most_elements {
                 Ended::TooManyElements
-            } else if should_stop() {
+            } else if stop.is_wanted() {
                 Ended::Stopped
             } else {
-                meshes.refine(levels);
+                is_stopped = !meshes.refine(levels, light, stop);
                 continue;
             };
+            meshes.tell_progress(&levels, options.verify);
             return meshes;
         }
     }
 
-    /// Evaluates what is new and brings the peak up to date.
-    pub(crate) fn evaluate(&mut self, light: &dyn Light) {
-        self.fields
+    /// Says of every receiver how far it got.
+    fn tell_progress(&mut self, levels: &[Vec<u8>], verify: bool) {
+        let is_stopped = self.ended == Ended::Stopped;
+        for (field, levels) in self.fields.iter_mut().zip(levels) {
+            let is_done = levels.iter().all(|&l| l == 0) && (!verify || field.is_verified());
+            if field.progress == Progress::Unfinished && (is_done || !is_stopped) {
+                field.progress = Progress::Finished;
+            }
+        }
+    }
+
+    /// Evaluates what is new and brings the peak up to date. Returns whether all is
+    /// evaluated: receivers that were stopped are as before.
+    pub(crate) fn evaluate(&mut self, light: &dyn Light, stop: Stop<'_>) -> bool {
+        let is_done = all(self
+            .fields
             .par_iter_mut()
-            .for_each(|field| field.evaluate(light));
+            .map(|field| field.evaluate(light, stop)));
+        self.gather_peak();
+        is_done
+    }
+
+    /// Gives receivers without any values meshes of their borders alone; those for which
+    /// there is no time have no elements. The largest come first.
+    fn round_off(&mut self, light: &dyn Light, stop: Stop<'_>) {
+        let mut left: Vec<&mut Field> = self
+            .fields
+            .iter_mut()
+            .filter(|field| field.nodes.is_empty())
+            .collect();
+        left.sort_by(|a, b| b.size.total_cmp(&a.size));
+        left.into_par_iter().for_each(|field| {
+            if stop.is_wanted() {
+                field.clear();
+                return;
+            }
+            field.fall_back();
+            if !field.evaluate(light, stop) {
+                field.clear();
+            }
+        });
         self.gather_peak();
     }
 
@@ -150,15 +200,37 @@ impl DirectMeshes {
         }
     }
 
-    pub(crate) fn refine(&mut self, levels: Vec<Vec<u8>>) {
+    /// Refines, and evaluates what is new. Returns whether all is evaluated: receivers
+    /// that were stopped are as before.
+    pub(crate) fn refine(
+        &mut self,
+        levels: Vec<Vec<u8>>,
+        light: &dyn Light,
+        stop: Stop<'_>,
+    ) -> bool {
         let allowed = self.allowed();
-        self.fields
+        let is_done = all(self
+            .fields
             .par_iter_mut()
             .zip(levels)
-            .for_each(|(field, mut levels)| {
+            .map(|(field, mut levels)| {
+                if levels.iter().all(|&l| l == 0) {
+                    return true;
+                }
+                if stop.is_wanted() {
+                    return false;
+                }
+                let before = field.snapshot();
                 field.cut(&mut levels, &allowed);
-                field.refine(levels);
-            });
+                field.refine(levels, stop);
+                let is_done = field.evaluate(light, stop);
+                if !is_done {
+                    field.restore(before);
+                }
+                is_done
+            }));
+        self.gather_peak();
+        is_done
     }
 
     /// The error allowed in each band, in the scene's units.
@@ -170,6 +242,17 @@ impl DirectMeshes {
                 Tolerance::Absolute(t) => t,
             })
             .collect()
+    }
+
+    /// How far every receiver got.
+    pub fn progress(&self) -> impl Iterator<Item = Progress> {
+        self.fields.iter().map(|f| f.progress)
+    }
+
+    /// Why refinement ended.
+    #[must_use]
+    pub fn ended(&self) -> Ended {
+        self.ended
     }
 
     /// The mesh of every receiver, and the number of its curves.

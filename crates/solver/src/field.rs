@@ -1,8 +1,10 @@
 //! A receiver's mesh with exact values at its nodes, while it grows and when it is done.
 
 use crate::basis::{MOST_NODES, lattice, n_nodes, values};
-use antumbra_geom::Chart;
-use antumbra_mesh::{Cut, Locator, Order, Origins, TriMesh};
+use antumbra_geom::{Chart, Stop};
+use antumbra_mesh::{
+    ArrangementOptions, Cut, Locator, Order, Origins, TaggedCurve, TriMesh, arrange,
+};
 use antumbra_scene::FaceId;
 use glam::{DVec2, DVec3};
 use smallvec::SmallVec;
@@ -23,10 +25,17 @@ pub trait Light: Sync {
     /// Bands of every value.
     fn n_bands(&self) -> usize;
 
-    /// Irradiance at the samples, one after the other, `n_bands` values each.
+    /// Irradiance at the samples, one after the other, `n_bands` values each; nothing if
+    /// it was stopped before all of them were known.
     ///
     /// * `radius` — features within this distance of a sample with `toward` touch it.
-    fn irradiance(&self, receiver: FaceId, samples: &[Sample], radius: f64) -> Vec<f64>;
+    fn irradiance(
+        &self,
+        receiver: FaceId,
+        samples: &[Sample],
+        radius: f64,
+        stop: Stop<'_>,
+    ) -> Option<Vec<f64>>;
 
     /// Can any light fall on this receiver at all?
     fn reaches(&self, receiver: FaceId) -> bool;
@@ -39,7 +48,12 @@ pub struct Receiver {
     pub face: FaceId,
     /// Its frame.
     pub chart: Chart,
-    /// Constrained Delaunay mesh of its curves.
+    /// Its border, loops that repeat their first point: the curves with the first ids,
+    /// of which a mesh is made if the work is stopped before that of all curves has
+    /// values.
+    pub border: Vec<Vec<DVec2>>,
+    /// Constrained Delaunay mesh of its curves; empty if the work was stopped before it
+    /// was made.
     pub mesh: TriMesh,
     /// The order of every curve of the mesh, by curve id.
     pub orders: Vec<Order>,
@@ -63,11 +77,26 @@ pub struct Postponed {
     pub jump: Vec<f64>,
 }
 
+/// How far the mesh of a receiver got. All values that it has are exact, whatever it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// As far as it goes.
+    Finished,
+    /// Stopped while it was refined, or before its error was measured a second time.
+    Unfinished,
+    /// Stopped before the mesh of its curves had values: a mesh of its border alone.
+    BorderOnly,
+    /// Stopped before any value was known: there are no elements.
+    Nothing,
+}
+
 /// A receiver's mesh with its values.
 #[derive(Debug)]
 pub struct ReceiverMesh {
     /// Whose front it is.
     pub face: FaceId,
+    /// How far it got.
+    pub progress: Progress,
     /// Its frame.
     pub chart: Chart,
     /// Triangles.
@@ -258,12 +287,15 @@ const EXPLAINS: f64 = 3.0;
 type NodeKey = [u64; 4];
 
 /// A receiver's mesh while it grows.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Field {
     pub(crate) face: FaceId,
     pub(crate) chart: Chart,
     pub(crate) mesh: TriMesh,
     pub(crate) orders: Vec<Order>,
+    /// Until there are values; then empty.
+    border: Vec<Vec<DVec2>>,
+    pub(crate) progress: Progress,
     contact_radius: f64,
     postponed: Vec<Postponed>,
     /// The postponed curves that run through each element.
@@ -288,7 +320,7 @@ pub(crate) struct Field {
     pub(crate) is_singular: Vec<bool>,
     /// Was the error measured at the second points too?
     is_verified: Vec<bool>,
-    progress: Vec<Progress>,
+    history: Vec<History>,
     pub(crate) peak: Vec<f64>,
     pub(crate) n_evaluations: u64,
     pub(crate) size: f64,
@@ -296,7 +328,7 @@ pub(crate) struct Field {
 
 /// Whether refinement gets anywhere.
 #[derive(Clone, Copy, Debug)]
-struct Progress {
+struct History {
     /// The largest error, over bands, of what an element was made of; infinite at first.
     before: f64,
     /// Rounds in a row without progress.
@@ -310,8 +342,20 @@ struct EdgeRole {
     is_contact: bool,
 }
 
+/// A field's mesh before a round of refinement.
+pub(crate) struct Snapshot {
+    mesh: TriMesh,
+    crossing: Vec<Vec<u32>>,
+    element_nodes: Vec<[u32; MOST_NODES]>,
+    errors: Vec<f64>,
+    is_singular: Vec<bool>,
+    is_verified: Vec<bool>,
+}
+
 impl Field {
-    pub(crate) fn new(receiver: Receiver, light: &dyn Light, degree: u8) -> Self {
+    /// If it was stopped, curves left out are not assigned to elements: such a field
+    /// has no use but [`Field::fall_back`].
+    pub(crate) fn new(receiver: Receiver, light: &dyn Light, degree: u8, stop: Stop<'_>) -> Self {
         let n_triangles = receiver.mesh.triangles.len();
         let (min, max) = receiver
             .mesh
@@ -323,9 +367,16 @@ impl Field {
         let n_bands = light.n_bands();
         let all: Vec<u32> = (0..receiver.postponed.len() as u32).collect();
         let crossing = (0..n_triangles)
-            .map(|t| crossing(&receiver.mesh, t, &receiver.postponed, &all))
+            .map(|t| {
+                if stop.is_wanted() {
+                    return Vec::new();
+                }
+                crossing(&receiver.mesh, t, &receiver.postponed, &all)
+            })
             .collect();
         Self {
+            border: receiver.border,
+            progress: Progress::Unfinished,
             postponed: receiver.postponed,
             crossing,
             knows_all_curves: receiver.knows_all_curves,
@@ -346,8 +397,8 @@ impl Field {
             errors: vec![0.0; n_triangles * n_bands],
             is_singular: vec![false; n_triangles],
             is_verified: vec![false; n_triangles],
-            progress: vec![
-                Progress {
+            history: vec![
+                History {
                     before: f64::INFINITY,
                     n_stalled: 0,
                 };
@@ -372,9 +423,13 @@ impl Field {
         self.knows_all_curves
     }
 
-    /// Bisects until no element is longer than this fraction of the receiver.
-    pub(crate) fn coarsest(&mut self, fraction: f64) {
+    /// Bisects until no element is longer than this fraction of the receiver, or until it
+    /// is stopped.
+    pub(crate) fn coarsest(&mut self, fraction: f64, stop: Stop<'_>) {
         for _ in 0..64 {
+            if stop.is_wanted() {
+                return;
+            }
             let marked: Vec<u32> = (0..self.mesh.triangles.len())
                 .filter(|&t| self.longest_edge(t) > fraction * self.size)
                 .map(|t| t as u32)
@@ -404,14 +459,89 @@ impl Field {
         role
     }
 
-    /// Evaluates nodes and check points of all elements that are new.
-    pub(crate) fn evaluate(&mut self, light: &dyn Light) {
+    /// Makes a mesh of the border alone, without values: that of the curves is too much
+    /// for the time that is left.
+    pub(crate) fn fall_back(&mut self) {
+        let curves: Vec<TaggedCurve> = std::mem::take(&mut self.border)
+            .into_iter()
+            .map(|points| TaggedCurve {
+                points,
+                order: Order::Boundary,
+            })
+            .collect();
+        let arrangement = arrange(&curves, &ArrangementOptions::default());
+        match TriMesh::new(&arrangement, &curves) {
+            Ok(mesh) => self.replace_mesh(mesh),
+            // With its curves it could be triangulated, so this does not happen; and if it
+            // does, no element is better than an end without a result.
+            Err(_) => self.clear(),
+        }
+        self.progress = Progress::BorderOnly;
+    }
+
+    /// Leaves no elements.
+    pub(crate) fn clear(&mut self) {
+        self.replace_mesh(TriMesh::empty());
+        self.progress = Progress::Nothing;
+    }
+
+    fn replace_mesh(&mut self, mesh: TriMesh) {
+        let n_triangles = mesh.triangles.len();
+        self.mesh = mesh;
+        self.postponed = Vec::new();
+        self.crossing = vec![Vec::new(); n_triangles];
+        self.knows_all_curves = false;
+        self.ids.clear();
+        self.nodes.clear();
+        self.toward.clear();
+        self.direct.clear();
+        self.element_nodes = vec![[u32::MAX; MOST_NODES]; n_triangles];
+        self.errors = vec![0.0; n_triangles * self.n_bands];
+        self.is_singular = vec![false; n_triangles];
+        self.is_verified = vec![false; n_triangles];
+    }
+
+    pub(crate) fn snapshot(&self) -> Snapshot {
+        Snapshot {
+            mesh: self.mesh.clone(),
+            crossing: self.crossing.clone(),
+            element_nodes: self.element_nodes.clone(),
+            errors: self.errors.clone(),
+            is_singular: self.is_singular.clone(),
+            is_verified: self.is_verified.clone(),
+        }
+    }
+
+    /// Back to the mesh of a snapshot. Nodes stay: they have got none since that have
+    /// no values.
+    pub(crate) fn restore(&mut self, before: Snapshot) {
+        self.mesh = before.mesh;
+        self.crossing = before.crossing;
+        self.element_nodes = before.element_nodes;
+        self.errors = before.errors;
+        self.is_singular = before.is_singular;
+        self.is_verified = before.is_verified;
+    }
+
+    /// Was the error of all elements measured at the second points?
+    pub(crate) fn is_verified(&self) -> bool {
+        self.is_dark || self.is_verified.iter().all(|&v| v)
+    }
+
+    /// Evaluates nodes and check points of all elements that are new. Returns whether
+    /// they have values now: if it was stopped, nothing has changed. Where no light
+    /// falls, there is nothing to wait for.
+    pub(crate) fn evaluate(&mut self, light: &dyn Light, stop: Stop<'_>) -> bool {
         let new: Vec<usize> = (0..self.mesh.triangles.len())
             .filter(|&t| self.element_nodes[t][0] == u32::MAX)
             .collect();
         if new.is_empty() {
-            return;
+            return true;
         }
+        if stop.is_wanted() && !self.is_dark {
+            return false;
+        }
+        let n_nodes_before = self.nodes.len();
         self.find_edges_beside();
         let special = self.special_vertices();
         let singular = self.singular_points(&special);
@@ -419,6 +549,10 @@ impl Field {
         // Check points on curves are shared by the elements at them, like nodes.
         let mut edge_checks: Vec<Vec<([f64; 3], u32)>> = Vec::with_capacity(new.len());
         for &t in &new {
+            if stop.is_wanted() && !self.is_dark {
+                self.forget(&new, n_nodes_before);
+                return false;
+            }
             self.element_nodes[t] = self.nodes_for(t, &special, &mut samples);
             edge_checks.push(self.edge_checks_for(t, &mut samples));
             self.is_singular[t] = self.touches(t, &singular);
@@ -439,11 +573,17 @@ impl Field {
             }
         }
         let found = if self.is_dark {
-            vec![0.0; samples.len() * self.n_bands]
+            Some(vec![0.0; samples.len() * self.n_bands])
         } else {
-            self.n_evaluations += samples.len() as u64;
-            light.irradiance(self.face, &samples, self.contact_radius)
+            light.irradiance(self.face, &samples, self.contact_radius, stop)
         };
+        let Some(found) = found else {
+            self.forget(&new, n_nodes_before);
+            return false;
+        };
+        if !self.is_dark {
+            self.n_evaluations += samples.len() as u64;
+        }
         self.direct
             .extend_from_slice(&found[..n_new_nodes * self.n_bands]);
         for sample in found.chunks_exact(self.n_bands.max(1)) {
@@ -465,6 +605,18 @@ impl Field {
                 }
                 self.errors[t * self.n_bands + band] = worst;
             }
+        }
+        self.border = Vec::new();
+        true
+    }
+
+    /// Takes back the nodes of elements whose evaluation was stopped.
+    fn forget(&mut self, new: &[usize], n_nodes: usize) {
+        self.nodes.truncate(n_nodes);
+        self.toward.truncate(n_nodes);
+        self.ids.retain(|_, &mut id| (id as usize) < n_nodes);
+        for &t in new {
+            self.element_nodes[t] = [u32::MAX; MOST_NODES];
         }
     }
 
@@ -506,18 +658,20 @@ impl Field {
         at.iter().all(|x| (0.0..=1.0).contains(x)).then_some(at)
     }
 
-    /// Measures the error of every element once more, at other points.
-    pub(crate) fn verify(&mut self, light: &dyn Light, allowed: &[f64]) {
+    /// Measures the error of every element once more, at other points. Returns whether
+    /// all are measured: if it was stopped, nothing has changed.
+    pub(crate) fn verify(&mut self, light: &dyn Light, allowed: &[f64], stop: Stop<'_>) -> bool {
         if self.is_dark {
-            return;
+            return true;
         }
+        let mut new: Vec<usize> = Vec::new();
         let mut samples: Vec<Sample> = Vec::new();
         let mut places: Vec<(usize, [f64; 3])> = Vec::new();
         for t in 0..self.mesh.triangles.len() {
             if self.is_verified[t] {
                 continue;
             }
-            self.is_verified[t] = true;
+            new.push(t);
             for at in self.second_points(t, allowed) {
                 places.push((t, at));
                 samples.push(Sample {
@@ -526,12 +680,23 @@ impl Field {
                 });
             }
         }
-        if samples.is_empty() {
-            return;
+        if !samples.is_empty() {
+            let Some(found) = light.irradiance(self.face, &samples, self.contact_radius, stop)
+            else {
+                return false;
+            };
+            self.n_evaluations += samples.len() as u64;
+            self.add_errors(&places, &found);
         }
-        self.n_evaluations += samples.len() as u64;
-        let found = light.irradiance(self.face, &samples, self.contact_radius);
-        for (&(t, at), exact) in places.iter().zip(found.chunks_exact(self.n_bands)) {
+        for t in new {
+            self.is_verified[t] = true;
+        }
+        true
+    }
+
+    /// Errors at places of elements where the exact values were found.
+    fn add_errors(&mut self, places: &[(usize, [f64; 3])], found: &[f64]) {
+        for (&(t, at), exact) in places.iter().zip(found.chunks_exact(self.n_bands.max(1))) {
             for (band, &exact) in exact.iter().enumerate() {
                 self.peak[band] = self.peak[band].max(exact);
                 let error = (self.value(&self.direct, t, at, band) - exact).abs();
@@ -743,7 +908,7 @@ impl Field {
 
     /// Rounds in a row in which an element and what it was made of did not get better.
     fn n_stalled(&self, t: usize) -> u8 {
-        let Progress { before, n_stalled } = self.progress[t];
+        let History { before, n_stalled } = self.history[t];
         if self.largest_error(t) > PROGRESS * before {
             n_stalled.saturating_add(1)
         } else {
@@ -1028,8 +1193,9 @@ impl Field {
         excess
     }
 
-    pub(crate) fn refine(&mut self, mut levels: Vec<u8>) {
-        while levels.iter().any(|&l| l > 0) {
+    /// Bisects elements as often as `levels` say, or until it is stopped.
+    pub(crate) fn refine(&mut self, mut levels: Vec<u8>, stop: Stop<'_>) {
+        while levels.iter().any(|&l| l > 0) && !stop.is_wanted() {
             let marked: Vec<u32> = (0..levels.len())
                 .filter(|&t| levels[t] > 0)
                 .map(|t| t as u32)
@@ -1072,22 +1238,22 @@ impl Field {
             .filter(|&t| before.get(t) != Some(&self.mesh.triangles[t]))
             .collect();
         // All that is new before anything old is replaced: parts share their origins.
-        let progress: Vec<Progress> = changed
+        let history: Vec<History> = changed
             .iter()
             .map(|&t| {
                 let of = |o: u32| match self.element_nodes[o as usize][0] {
-                    u32::MAX => self.progress[o as usize],
-                    _ => Progress {
+                    u32::MAX => self.history[o as usize],
+                    _ => History {
                         before: self.largest_error(o as usize),
                         n_stalled: self.n_stalled(o as usize),
                     },
                 };
                 origins[t].iter().map(|&o| of(o)).fold(
-                    Progress {
+                    History {
                         before: 0.0,
                         n_stalled: 0,
                     },
-                    |a, b| Progress {
+                    |a, b| History {
                         before: a.before.max(b.before),
                         n_stalled: a.n_stalled.max(b.n_stalled),
                     },
@@ -1109,15 +1275,15 @@ impl Field {
             })
             .collect();
         self.crossing.resize(n, Vec::new());
-        self.progress.resize(
+        self.history.resize(
             n,
-            Progress {
+            History {
                 before: f64::INFINITY,
                 n_stalled: 0,
             },
         );
-        for ((t, list), progress) in changed.into_iter().zip(lists).zip(progress) {
-            self.progress[t] = progress;
+        for ((t, list), history) in changed.into_iter().zip(lists).zip(history) {
+            self.history[t] = history;
             self.is_verified[t] = false;
             self.element_nodes[t] = [u32::MAX; MOST_NODES];
             self.crossing[t] = list;
@@ -1183,6 +1349,7 @@ impl Field {
         }
         ReceiverMesh {
             face: self.face,
+            progress: self.progress,
             chart: self.chart,
             locator: Locator::new(&self.mesh),
             mesh: self.mesh,

@@ -4,9 +4,13 @@ pub mod basis;
 mod direct;
 mod factors;
 mod field;
+mod limits;
 mod radiosity;
 
 pub use direct::{DirectMeshes, DirectOptions, DirectSolution, Ended, Tolerance};
 pub use factors::{FactorOptions, FormFactors, NotClosed, Reciprocity, Repair, form_factors};
-pub use field::{KINK_D1, KINK_D2, Light, Postponed, Receiver, ReceiverMesh, Sample};
-pub use radiosity::{Power, RadiosityOptions, RadiositySolution, RowSums, solve_radiosity};
+pub use field::{KINK_D1, KINK_D2, Light, Postponed, Progress, Receiver, ReceiverMesh, Sample};
+pub use limits::Limits;
+pub use radiosity::{
+    Power, RadiosityOptions, RadiositySolution, Reached, RowSums, solve_radiosity,
+};

@@ -24,6 +24,8 @@
 use crate::basis::{n_nodes, quadrature};
 use crate::direct::{DirectMeshes, DirectOptions, DirectSolution, Tolerance};
 use crate::field::{CHECK_POINTS, Field, Light, Receiver};
+use crate::limits::Limits;
+use antumbra_geom::Stop;
 use antumbra_mesh::Locator;
 use antumbra_scene::{FaceId, PlaneId, Scene};
 use antumbra_visibility::{Approach, Evaluator, Scratch, Source, contour_sum};
@@ -84,11 +86,37 @@ pub struct RowSums {
     pub mean: f64,
 }
 
+/// How far interreflection got.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reached {
+    /// As far as it goes.
+    Finished,
+    /// Stopped: that of an earlier round, which is coarser, or not converged. The power
+    /// balance may be missing.
+    Unfinished,
+    /// Stopped before the first round was solved: direct light only, the meshes have no
+    /// `irradiance`.
+    Nothing,
+    /// There is no room for so many bytes, which the smallest system needs: direct light
+    /// only.
+    NoRoom(u64),
+}
+
+impl Reached {
+    /// Is there any interreflection?
+    #[must_use]
+    pub fn has_values(self) -> bool {
+        matches!(self, Self::Finished | Self::Unfinished)
+    }
+}
+
 /// Direct light and interreflection.
 #[derive(Debug)]
 pub struct RadiositySolution {
     /// The meshes, with `irradiance` on every node.
     pub meshes: DirectSolution,
+    /// How far it got.
+    pub reached: Reached,
     /// Sweeps of the iteration.
     pub iterations: usize,
     /// Largest change of the last sweep, relative to the largest irradiance.
@@ -96,7 +124,7 @@ pub struct RadiositySolution {
     /// Did the iteration reach its residual?
     pub is_converged: bool,
     /// Largest error of the indirect irradiance measured at check points,
-    /// relative to the largest irradiance.
+    /// relative to the largest irradiance; infinite where it was not measured.
     pub measured_indirect_error: f64,
     /// Elements and nodes of the indirect layer.
     pub indirect_elements: usize,
@@ -104,23 +132,27 @@ pub struct RadiositySolution {
     pub indirect_nodes: usize,
     /// Pairs of a point and an element whose visible part was computed.
     pub visible_parts: u64,
-    /// Power balance.
+    /// Power balance; without bands where [`Reached`] says that it may be missing.
     pub power: Power,
-    /// Raw row sums, one per receiver.
+    /// Raw row sums, one per receiver; none without interreflection.
     pub row_sums: Vec<RowSums>,
     layer: Layer,
 }
 
 impl RadiositySolution {
-    /// Indirect irradiance per band at a point of a face: the layer interpolated.
+    /// Indirect irradiance per band at a point of a face: the layer interpolated; nothing
+    /// without interreflection.
     #[must_use]
     pub fn indirect_at(&self, receiver: usize, uv: DVec2) -> Option<Vec<f64>> {
+        if !self.reached.has_values() {
+            return None;
+        }
         self.layer.indirect_at(receiver, uv)
     }
 
     /// Indirect irradiance per band at points of faces, gathered from the layer
     /// with exact visibility instead of interpolated: one bounce more accurate,
-    /// and as dear as a row of the system.
+    /// and as dear as a row of the system. Nothing without interreflection.
     ///
     /// * `points` — pairs of a receiver's position and a point in scene units.
     ///
@@ -129,9 +161,27 @@ impl RadiositySolution {
     /// The iterated solution (Sloan 1976), known in rendering as final gathering.
     #[must_use]
     pub fn gather(&self, evaluator: &Evaluator<'_>, points: &[(usize, DVec3)]) -> Vec<Vec<f64>> {
+        self.gather_until(evaluator, points, Stop::NEVER)
+            .into_iter()
+            .flatten()
+            .collect()
+    }
+
+    /// The same; `None` for points that were not reached when it was stopped, and for all
+    /// without interreflection.
+    #[must_use]
+    pub fn gather_until(
+        &self,
+        evaluator: &Evaluator<'_>,
+        points: &[(usize, DVec3)],
+        stop: Stop<'_>,
+    ) -> Vec<Option<Vec<f64>>> {
         let layer = &self.layer;
         let scene = evaluator.scene();
-        let pairs = Pairs::new(evaluator, &layer.fields);
+        if !self.reached.has_values() {
+            return vec![None; points.len()];
+        }
+        let pairs = Pairs::new(evaluator, &layer.fields, stop);
         points
             .par_iter()
             .map_init(
@@ -148,27 +198,27 @@ impl RadiositySolution {
                     first.fill(0.0);
                     let mut gathered = Gathered { row, first };
                     let system = &layer.system;
-                    pairs.gather(
+                    pairs.gather_until(
                         &system.sources,
                         receiver,
                         point,
                         None,
                         scratch,
                         &mut gathered,
+                        stop,
                     );
-                    (0..scene.n_bands)
-                        .map(|band| {
-                            system.gathered(&layer.fields, scene, &layer.solution, &gathered, band)
-                        })
-                        .collect()
+                    let of_band = |band| {
+                        system.gathered(&layer.fields, scene, &layer.solution, &gathered, band)
+                    };
+                    (!stop.is_wanted()).then(|| (0..scene.n_bands).map(of_band).collect())
                 },
             )
             .collect()
     }
 }
 
-/// The finished layer of indirect light.
-#[derive(Debug)]
+/// The finished layer of indirect light; empty without interreflection.
+#[derive(Debug, Default)]
 struct Layer {
     fields: Vec<Field>,
     locators: Vec<Locator>,
@@ -220,48 +270,200 @@ const COARSEST: f64 = 0.36;
 /// not refined, relative to the peak and to what degree 2 can follow.
 const DIRECT_TOLERANCE: f64 = 0.02;
 
+/// What is kept of a round of the layer: all but the rows, which take most memory.
+struct Round {
+    fields: Vec<Field>,
+    system: System,
+    solution: Solution,
+    errors: Option<Errors>,
+    row_sums: Vec<RowSums>,
+}
+
 /// Solves for interreflection.
 ///
 /// * `direct` — the meshes of direct light, refined further where indirect light
 ///   asks for it.
-/// * `receivers` — the same faces in the same order, cut along contacts only.
+/// * `receivers` — the same faces in the same order, cut along contacts only; `None` if
+///   there is no time for them.
 ///
 /// `progress` is told what is done, from 0 to 1.
 pub fn solve_radiosity(
     evaluator: &Evaluator<'_>,
     mut direct: DirectMeshes,
+    receivers: Option<Vec<Receiver>>,
+    light: &dyn Light,
+    options: &RadiosityOptions,
+    limits: &Limits<'_>,
+    progress: &(dyn Fn(f64) + Sync),
+) -> RadiositySolution {
+    let solved = match receivers {
+        Some(receivers) => rounds(
+            evaluator, &direct, receivers, light, options, limits, progress,
+        ),
+        None => Err(Reached::Nothing),
+    };
+    let (round, power, reached) = match solved {
+        Ok(solved) => solved,
+        Err(reached) => {
+            let layer = Layer::default();
+            return RadiositySolution {
+                meshes: direct.finish(),
+                reached,
+                iterations: 0,
+                residual: 0.0,
+                is_converged: false,
+                measured_indirect_error: f64::INFINITY,
+                indirect_elements: 0,
+                indirect_nodes: 0,
+                visible_parts: 0,
+                power: Power::default(),
+                row_sums: Vec::new(),
+                layer,
+            };
+        }
+    };
+    let Round {
+        fields,
+        system,
+        solution,
+        errors,
+        row_sums,
+    } = round;
+    let indirect: Vec<Vec<f64>> = fields
+        .iter()
+        .enumerate()
+        .map(|(r, field)| {
+            let from = system.first_node[r] * field.n_bands;
+            solution.indirect[from..from + field.nodes.len() * field.n_bands].to_vec()
+        })
+        .collect();
+    let locators = fields.iter().map(|f| Locator::new(&f.mesh)).collect();
+    let n_elements = fields.iter().map(|f| f.mesh.triangles.len()).sum();
+    let errors_parts = errors.as_ref().map_or(0, |e| e.visible_parts);
+    let (n_nodes, visible_parts) = (system.n_nodes, system.visible_parts + errors_parts);
+    let (iterations, residual) = (solution.sweeps, solution.residual);
+    let layer = Layer {
+        fields,
+        locators,
+        indirect,
+        system,
+        solution,
+    };
+
+    let (totals, is_carried) = carry_over(
+        &mut direct,
+        &layer,
+        light,
+        options.tolerance,
+        &layer.solution.peak,
+        limits.stop,
+    );
+    progress(1.0);
+    let reached = if is_carried && !power.emitted.is_empty() {
+        reached
+    } else {
+        Reached::Unfinished
+    };
+    RadiositySolution {
+        meshes: direct.finish_with(Some(totals)),
+        reached,
+        iterations,
+        residual,
+        is_converged: residual <= options.residual && reached == Reached::Finished,
+        measured_indirect_error: errors.map_or(f64::INFINITY, |e| e.worst),
+        indirect_elements: n_elements,
+        indirect_nodes: n_nodes,
+        visible_parts,
+        power,
+        row_sums,
+        layer,
+    }
+}
+
+/// Bytes of a dense matrix, and of what is known of every pair of faces.
+fn bytes_needed(n_nodes: usize, n_faces: usize) -> u64 {
+    let square = |n: usize| (n as u64).saturating_mul(n as u64);
+    let pair = size_of::<Option<Vec<u32>>>() as u64;
+    square(n_nodes)
+        .saturating_mul(size_of::<f64>() as u64)
+        .saturating_add(square(n_faces).saturating_mul(pair))
+}
+
+/// A face has at least two elements of degree 2 if it has four corners, one if it has
+/// three: no fewer nodes than this.
+const LEAST_NODES_PER_FACE: usize = 6;
+
+/// The rounds of the layer, until it is fine enough or the work is stopped: the last one
+/// that was solved, and its power balance if there was time for it.
+fn rounds(
+    evaluator: &Evaluator<'_>,
+    direct: &DirectMeshes,
     receivers: Vec<Receiver>,
     light: &dyn Light,
     options: &RadiosityOptions,
-    should_stop: &(dyn Fn() -> bool + Sync),
+    limits: &Limits<'_>,
     progress: &(dyn Fn(f64) + Sync),
-) -> RadiositySolution {
+) -> Result<(Round, Power, Reached), Reached> {
     let scene = evaluator.scene();
+    let stop = limits.stop;
+    let n_faces = receivers.len();
+    let check_room = |n_nodes: usize| {
+        let needed = bytes_needed(n_nodes, n_faces);
+        if (limits.has_room)(needed) {
+            Ok(())
+        } else {
+            Err(Reached::NoRoom(needed))
+        }
+    };
+    check_room(LEAST_NODES_PER_FACE * n_faces)?;
     let coarse = DirectOptions {
         tolerance: Tolerance::Relative(DIRECT_TOLERANCE),
         degree: 2,
         most_elements: options.most_nodes / 4,
         verify: false,
     };
-    let mut layer = DirectMeshes::solve(receivers, light, &coarse, should_stop, &|_, _| {});
+    // A layer of which some receivers have no values is no layer.
+    let without_rest = Limits {
+        at_once: stop,
+        ..*limits
+    };
+    let mut layer = DirectMeshes::solve(receivers, light, &coarse, &without_rest, &|_, _| {});
     for field in &mut layer.fields {
-        field.coarsest(COARSEST);
+        field.coarsest(COARSEST, stop);
     }
-    layer.evaluate(light);
+    if !layer.evaluate(light, stop) || stop.is_wanted() {
+        return Err(Reached::Nothing);
+    }
+    let n_nodes = |layer: &DirectMeshes| layer.fields.iter().map(|f| f.nodes.len()).sum();
+    check_room(n_nodes(&layer))?;
 
-    let pairs = Pairs::new(evaluator, &layer.fields);
+    let pairs = Pairs::new(evaluator, &layer.fields, stop);
     let projected = DirectLayer::new(&direct.fields);
     let mut round = 0;
-    let (system, solution, errors) = loop {
+    let mut last: Option<Round> = None;
+    loop {
         let report = |done: f64| progress((round as f64 + done) / MOST_ROUNDS as f64);
-        let system = System::assemble(&pairs, &layer.fields, &projected, &report);
+        let Some(system) = System::assemble(&pairs, &layer.fields, &projected, &report, stop)
+        else {
+            break;
+        };
         let rough = RadiosityOptions {
             residual: options.residual.max(0.1 * options.tolerance),
             ..*options
         };
-        let solution = system.solve(scene, &layer.fields, &rough);
-        let errors = system.errors(&pairs, &layer.fields, scene, &solution);
+        let solution = system.solve(scene, &layer.fields, &rough, stop);
+        let errors = system.errors(&pairs, &layer.fields, scene, &solution, stop);
         round += 1;
+        let Some(errors) = errors else {
+            last = Some(Round {
+                row_sums: system.row_sums(&layer.fields),
+                fields: layer.fields,
+                system: system.without_rows(),
+                solution,
+                errors: None,
+            });
+            break;
+        };
         let allowed: Vec<f64> = solution
             .peak
             .iter()
@@ -270,61 +472,42 @@ pub fn solve_radiosity(
         let room = options.most_nodes.saturating_sub(system.n_nodes) / NODES_PER_BISECTION;
         let levels = worst_levels(&layer.fields, &errors.per_field, &allowed, room);
         let is_done = levels.iter().flatten().all(|&l| l == 0);
-        if is_done || round == MOST_ROUNDS || should_stop() {
-            let solution = system.solve(scene, &layer.fields, options);
-            break (system, solution, errors);
+        // At most twice as many nodes; the rows of this round go before those of the next.
+        let next_nodes = (2 * system.n_nodes).min(options.most_nodes.max(system.n_nodes));
+        let more = bytes_needed(next_nodes, 0) - bytes_needed(system.n_nodes, 0);
+        let is_last =
+            is_done || round == MOST_ROUNDS || stop.is_wanted() || !(limits.has_room)(more);
+        if is_last {
+            let solution = system.solve(scene, &layer.fields, options, stop);
+            let power = system.power(&pairs, scene, &layer.fields, &solution, stop);
+            let reached = if is_done || round == MOST_ROUNDS {
+                Reached::Finished
+            } else {
+                Reached::Unfinished
+            };
+            let round = Round {
+                row_sums: system.row_sums(&layer.fields),
+                fields: layer.fields,
+                system: system.without_rows(),
+                solution,
+                errors: Some(errors),
+            };
+            return Ok((round, power.unwrap_or_default(), reached));
         }
-        layer.refine(levels);
-        layer.evaluate(light);
-    };
-
-    let power = system.power(&pairs, scene, &layer.fields, &solution);
-    let row_sums = system.row_sums(&layer.fields);
-    let indirect: Vec<Vec<f64>> = layer
-        .fields
-        .iter()
-        .enumerate()
-        .map(|(r, field)| {
-            let from = system.first_node[r] * field.n_bands;
-            solution.indirect[from..from + field.nodes.len() * field.n_bands].to_vec()
-        })
-        .collect();
-    let locators = layer.fields.iter().map(|f| Locator::new(&f.mesh)).collect();
-    let n_elements = layer.n_elements();
-    let (n_nodes, visible_parts) = (system.n_nodes, system.visible_parts + errors.visible_parts);
-    let (iterations, residual) = (solution.sweeps, solution.residual);
-    let system = System {
-        rows: Vec::new(),
-        ..system
-    };
-    let layer = Layer {
-        fields: layer.fields,
-        locators,
-        indirect,
-        system,
-        solution,
-    };
-
-    let totals = carry_over(
-        &mut direct,
-        &layer,
-        light,
-        options.tolerance,
-        &layer.solution.peak,
-    );
-    progress(1.0);
-    RadiositySolution {
-        meshes: direct.finish_with(Some(totals)),
-        iterations,
-        residual,
-        is_converged: residual <= options.residual,
-        measured_indirect_error: errors.worst,
-        indirect_elements: n_elements,
-        indirect_nodes: n_nodes,
-        visible_parts,
-        power,
-        row_sums,
-        layer,
+        last = Some(Round {
+            row_sums: system.row_sums(&layer.fields),
+            fields: layer.fields.clone(),
+            system: system.without_rows(),
+            solution,
+            errors: Some(errors),
+        });
+        if !layer.refine(levels, light, stop) {
+            break;
+        }
+    }
+    match last {
+        Some(round) => Ok((round, Power::default(), Reached::Unfinished)),
+        None => Err(Reached::Nothing),
     }
 }
 
@@ -378,14 +561,15 @@ fn worst_levels(
 const NODES_PER_BISECTION: usize = 3;
 
 /// Irradiance with interreflection on the meshes of direct light, refined where
-/// their elements cannot follow the indirect layer.
+/// their elements cannot follow the indirect layer; and whether there was time for it.
 fn carry_over(
     direct: &mut DirectMeshes,
     layer: &Layer,
     light: &dyn Light,
     tolerance: f64,
     peak: &[f64],
-) -> Vec<Vec<f64>> {
+    stop: Stop<'_>,
+) -> (Vec<Vec<f64>>, bool) {
     let allowed: Vec<f64> = peak.iter().map(|p| p * tolerance).collect();
     for last in [false, false, false, false, false, true] {
         let indirect: Vec<Vec<f64>> = direct
@@ -418,15 +602,17 @@ fn carry_over(
                 field.levels_for(&errors, &allowed)
             })
             .collect();
-        if last || levels.iter().flatten().all(|&l| l == 0) {
-            return indirect
+        let is_done = levels.iter().flatten().all(|&l| l == 0);
+        let is_stopped = stop.is_wanted();
+        if last || is_done || is_stopped {
+            let totals = indirect
                 .into_iter()
                 .zip(&direct.fields)
                 .map(|(i, f)| i.iter().zip(&f.direct).map(|(i, d)| i + d).collect())
                 .collect();
+            return (totals, last || is_done);
         }
-        direct.refine(levels);
-        direct.evaluate(light);
+        direct.refine(levels, light, stop);
     }
     unreachable!("the last round returns")
 }
@@ -497,7 +683,8 @@ struct Pairs<'e, 's> {
 const LONGEST_LIST: usize = 24;
 
 impl<'e, 's> Pairs<'e, 's> {
-    fn new(evaluator: &'e Evaluator<'s>, fields: &[Field]) -> Self {
+    /// If it was stopped, not all pairs are known and it is of no use.
+    fn new(evaluator: &'e Evaluator<'s>, fields: &[Field], stop: Stop<'_>) -> Self {
         let scene = evaluator.scene();
         let faces: Vec<FaceId> = fields.iter().map(|f| f.face).collect();
         let outlines: Vec<Vec<DVec3>> = faces
@@ -510,7 +697,7 @@ impl<'e, 's> Pairs<'e, 's> {
             .map(|k| {
                 let (r, s) = (k / n, k % n);
                 let (a, b) = (scene.face(faces[r]), scene.face(faces[s]));
-                if r == s || a.plane == b.plane {
+                if r == s || a.plane == b.plane || stop.is_wanted() {
                     return None;
                 }
                 evaluator.between(
@@ -529,8 +716,8 @@ impl<'e, 's> Pairs<'e, 's> {
     }
 
     /// Adds what is seen from a point to `gathered`; returns how many visible parts
-    /// were computed.
-    fn gather(
+    /// were computed. Not all is seen if it was stopped.
+    fn gather_until(
         &self,
         sources: &[SourceFace],
         receiver: usize,
@@ -538,6 +725,7 @@ impl<'e, 's> Pairs<'e, 's> {
         approach: Option<&Approach>,
         scratch: &mut Scratch,
         gathered: &mut Gathered<'_>,
+        stop: Stop<'_>,
     ) -> u64 {
         let scene = self.evaluator.scene();
         let face = scene.face(self.faces[receiver]);
@@ -554,6 +742,9 @@ impl<'e, 's> Pairs<'e, 's> {
                 FaceVisibility::Full => Some(&[][..]),
                 FaceVisibility::Part => list,
             };
+            if stop.is_wanted() {
+                break;
+            }
             for element in &source.elements {
                 let polygon = Source {
                     corners: &element.corners,
@@ -806,7 +997,7 @@ const RULE: [([f64; 3], f64); 7] = {
 };
 
 /// The discrete radiosity equation of one state of the layer.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct System {
     n_nodes: usize,
     /// Where the nodes of every field start.
@@ -820,7 +1011,7 @@ struct System {
 }
 
 /// The solution at the nodes.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Solution {
     /// Indirect irradiance, `n_bands` values per node.
     indirect: Vec<f64>,
@@ -840,12 +1031,14 @@ struct Errors {
 }
 
 impl System {
+    /// The system of a layer; nothing if it was stopped.
     fn assemble(
         pairs: &Pairs<'_, '_>,
         fields: &[Field],
         direct: &DirectLayer<'_>,
         progress: &(dyn Fn(f64) + Sync),
-    ) -> Self {
+        stop: Stop<'_>,
+    ) -> Option<Self> {
         let scene = pairs.evaluator.scene();
         let mut first_node = Vec::with_capacity(fields.len());
         let mut n_nodes = 0;
@@ -877,7 +1070,7 @@ impl System {
             .par_iter()
             .enumerate()
             .map_init(Scratch::default, |scratch, (node, &(r, i))| {
-                if !is_used[node] {
+                if !is_used[node] || stop.is_wanted() {
                     return (Vec::new(), vec![0.0; n_bands], 0);
                 }
                 let field = &fields[r];
@@ -892,13 +1085,14 @@ impl System {
                     radius: field.contact_radius(),
                 });
                 let point = field.chart.to_space(field.nodes[i]);
-                let n = pairs.gather(
+                let n = pairs.gather_until(
                     &sources,
                     r,
                     point,
                     approach.as_ref(),
                     scratch,
                     &mut gathered,
+                    stop,
                 );
                 let done = n_done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
                 if done.is_multiple_of(64) {
@@ -907,24 +1101,42 @@ impl System {
                 (row, first, n)
             })
             .collect();
+        if stop.is_wanted() {
+            return None;
+        }
         let visible_parts = rows.iter().map(|(_, _, n)| n).sum();
         let first = rows
             .iter()
             .flat_map(|(_, first, _)| first.iter().copied())
             .collect();
         let rows = rows.into_iter().map(|(row, _, _)| row).collect();
-        Self {
+        Some(Self {
             n_nodes,
             first_node,
             sources,
             rows,
             first,
             visible_parts,
+        })
+    }
+
+    /// What is left of it when it is solved.
+    fn without_rows(self) -> Self {
+        Self {
+            rows: Vec::new(),
+            ..self
         }
     }
 
-    /// Gauss–Seidel sweeps until nothing changes by more than the residual.
-    fn solve(&self, scene: &Scene, fields: &[Field], options: &RadiosityOptions) -> Solution {
+    /// Gauss–Seidel sweeps until nothing changes by more than the residual, or until it
+    /// is stopped.
+    fn solve(
+        &self,
+        scene: &Scene,
+        fields: &[Field],
+        options: &RadiosityOptions,
+        stop: Stop<'_>,
+    ) -> Solution {
         let n_bands = scene.n_bands;
         let direct: Vec<f64> = fields
             .iter()
@@ -968,7 +1180,7 @@ impl System {
                 }
             }
             residual = if peak > 0.0 { change / peak } else { 0.0 };
-            if residual <= options.residual {
+            if residual <= options.residual || stop.is_wanted() {
                 break;
             }
         }
@@ -992,14 +1204,15 @@ impl System {
     }
 
     /// Indirect irradiance gathered exactly at one point of every element against
-    /// the interpolated one.
+    /// the interpolated one; nothing if it was stopped.
     fn errors(
         &self,
         pairs: &Pairs<'_, '_>,
         fields: &[Field],
         scene: &Scene,
         solution: &Solution,
-    ) -> Errors {
+        stop: Stop<'_>,
+    ) -> Option<Errors> {
         let n_bands = scene.n_bands;
         let per_field: Vec<(Vec<f64>, u64)> = fields
             .iter()
@@ -1018,6 +1231,9 @@ impl System {
                             )
                         },
                         |(scratch, row, reflected), t| {
+                            if stop.is_wanted() {
+                                return (Vec::new(), 0);
+                            }
                             row.fill(0.0);
                             reflected.fill(0.0);
                             let mut gathered = Gathered {
@@ -1026,8 +1242,15 @@ impl System {
                             };
                             let at = CHECK_POINTS[0];
                             let point = field.chart.to_space(field.point(t, at));
-                            let n =
-                                pairs.gather(&self.sources, r, point, None, scratch, &mut gathered);
+                            let n = pairs.gather_until(
+                                &self.sources,
+                                r,
+                                point,
+                                None,
+                                scratch,
+                                &mut gathered,
+                                stop,
+                            );
                             let errors = (0..n_bands)
                                 .map(|band| {
                                     let exact =
@@ -1043,6 +1266,9 @@ impl System {
                 (found.into_iter().flat_map(|(e, _)| e).collect(), n)
             })
             .collect();
+        if stop.is_wanted() {
+            return None;
+        }
         let visible_parts = per_field.iter().map(|(_, n)| n).sum();
         let per_field: Vec<Vec<f64>> = per_field.into_iter().map(|(e, _)| e).collect();
         let mut worst = 0.0f64;
@@ -1054,11 +1280,11 @@ impl System {
                 }
             }
         }
-        Errors {
+        Some(Errors {
             per_field,
             worst,
             visible_parts,
-        }
+        })
     }
 
     /// Indirect irradiance of what was gathered.
@@ -1087,14 +1313,15 @@ impl System {
     }
 
     /// The power balance, integrated over the layer; what escapes is weighed by
-    /// exact row sums at the points of the rule.
+    /// exact row sums at the points of the rule. Nothing if it was stopped.
     fn power(
         &self,
         pairs: &Pairs<'_, '_>,
         scene: &Scene,
         fields: &[Field],
         solution: &Solution,
-    ) -> Power {
+        stop: Stop<'_>,
+    ) -> Option<Power> {
         let n_bands = scene.n_bands;
         let mut power = Power {
             emitted: vec![0.0; n_bands],
@@ -1109,6 +1336,9 @@ impl System {
                 .into_par_iter()
                 .map_init(Scratch::default, |scratch, t| {
                     RULE.map(|(at, _)| {
+                        if stop.is_wanted() {
+                            return 0.0;
+                        }
                         let point = field.chart.to_space(field.point(t, at));
                         pairs.row_sum(r, point, scratch)
                     })
@@ -1141,7 +1371,7 @@ impl System {
                 power.imbalance = power.imbalance.max((rest / power.emitted[band]).abs());
             }
         }
-        power
+        (!stop.is_wanted()).then_some(power)
     }
 
     fn row_sums(&self, fields: &[Field]) -> Vec<RowSums> {

@@ -242,6 +242,17 @@ impl<'s> Evaluator<'s> {
         }
     }
 
+    /// A view of a face for which nothing is prepared: every evaluation asks the box tree
+    /// for all that may stand between. Values are the same.
+    #[must_use]
+    pub fn unprepared_view(&self, receiver: FaceId) -> View {
+        let face = self.scene.face(receiver);
+        View {
+            plane: Some(face.plane),
+            ..self.free_view(face.normal)
+        }
+    }
+
     /// Prepares evaluations at free sensors with this unit normal.
     #[must_use]
     pub fn free_view(&self, normal: DVec3) -> View {

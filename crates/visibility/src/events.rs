@@ -27,6 +27,7 @@ pub use curve::{CriticalCurve, CurveEnd, Shape};
 pub use jump::{JUMP_PLACES, jump_at};
 
 use crate::evaluator::Evaluator;
+use antumbra_geom::Stop;
 use antumbra_scene::{EdgeId, FaceId, VertexId};
 use tracer::Tracer;
 
@@ -214,7 +215,22 @@ pub fn critical_curves(
     kinds: EventKinds,
     contact_radius: f64,
 ) -> CriticalCurves {
-    let mut tracer = Tracer::new(evaluator, receiver, contact_radius);
+    // Nothing stops it, so there are always some, or none for good.
+    critical_curves_until(evaluator, receiver, kinds, contact_radius, Stop::NEVER)
+        .unwrap_or_default()
+}
+
+/// The same; nothing if it was stopped: some of the curves are of no use, for the
+/// mesh between them would be taken to be smooth.
+#[must_use]
+pub fn critical_curves_until(
+    evaluator: &Evaluator<'_>,
+    receiver: FaceId,
+    kinds: EventKinds,
+    contact_radius: f64,
+    stop: Stop<'_>,
+) -> Option<CriticalCurves> {
+    let mut tracer = Tracer::new(evaluator, receiver, contact_radius, stop);
     if kinds.contains(EventKind::Contact) {
         tracer.contacts();
     }
@@ -223,12 +239,15 @@ pub fn critical_curves(
             tracer.emitter(emitter, kinds);
         }
     }
+    if stop.is_wanted() {
+        return None;
+    }
     let mut result = tracer.result;
     sort(&mut result.curves);
     for curve in &result.curves {
         result.active[curve.kind() as usize] += 1;
     }
-    result
+    Some(result)
 }
 
 /// The critical curves on a receiver of one face as if it were the only emitter;
@@ -247,7 +266,7 @@ pub fn critical_curves_between(
     kinds: EventKinds,
     contact_radius: f64,
 ) -> Vec<CriticalCurve> {
-    let mut tracer = Tracer::new(evaluator, receiver, contact_radius);
+    let mut tracer = Tracer::new(evaluator, receiver, contact_radius, Stop::NEVER);
     tracer.emitter_behind(emitter, occluders, kinds);
     let mut curves = tracer.result.curves;
     sort(&mut curves);

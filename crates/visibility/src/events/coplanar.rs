@@ -9,6 +9,7 @@ use crate::events::shaft::{Shaft, form};
 use crate::events::tracer::Tracer;
 use crate::events::{Event, EventKind};
 use crate::intervals::Intervals;
+use antumbra_geom::Stop;
 use antumbra_scene::{Aabb, EdgeId, FaceId, Scene};
 use glam::{DVec2, DVec3, DVec4, dvec2};
 use smallvec::SmallVec;
@@ -423,8 +424,8 @@ impl<'e, 's> Sheet<'e, 's> {
     /// seen past all other surfaces.
     ///
     /// What hides it changes where the direction to an end of a blocker is that to an
-    /// end of emitter, layer or another blocker.
-    fn seen(&self, from: f64, to: f64) -> Intervals {
+    /// end of emitter, layer or another blocker. Not all of them if it was stopped.
+    fn seen(&self, from: f64, to: f64, stop: Stop<'_>) -> Intervals {
         let fixed = self
             .lamp
             .iter()
@@ -443,6 +444,9 @@ impl<'e, 's> Sheet<'e, 's> {
         marks.sort_by(f64::total_cmp);
         let mut parts: Vec<(f64, f64)> = Vec::new();
         for pair in marks.windows(2) {
+            if stop.is_wanted() {
+                break;
+            }
             if pair[1] <= pair[0] || !self.is_seen(0.5 * (pair[0] + pair[1])) {
                 continue;
             }
@@ -655,6 +659,9 @@ impl Tracer<'_, '_> {
 
     /// Pushes the curves of a D1 event.
     fn coplanar(&mut self, shaft: &Shaft<'_>, event: Event) {
+        if self.stop.is_wanted() {
+            return;
+        }
         let Some(sheet) = Sheet::of(self.evaluator, self.receiver, event, shaft.emitter) else {
             return;
         };
@@ -670,12 +677,15 @@ impl Tracer<'_, '_> {
         marks.extend(inside.iter().flat_map(|(from, to)| [from, to]));
         marks.sort_by(f64::total_cmp);
         for pair in marks.windows(2) {
+            if self.stop.is_wanted() {
+                return;
+            }
             if !sheet.is_active(0.5 * (pair[0] + pair[1])) {
                 continue;
             }
             let within = Intervals::one(pair[0], pair[1]).intersect(&inside);
             for (from, to) in within.iter() {
-                let mut active = sheet.seen(from, to);
+                let mut active = sheet.seen(from, to, self.stop);
                 active.drop_shorter(self.contact_radius);
                 for (from, to) in active.iter() {
                     let shape = Shape::Segment([trace.at(from), trace.at(to)]);

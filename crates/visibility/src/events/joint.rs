@@ -132,8 +132,14 @@ impl Tracer<'_, '_> {
         let mut coplanar: Vec<[EdgeId; 2]> = Vec::new();
         let mut wedges: Vec<(VertexId, EdgeId)> = Vec::new();
         for lower in 0..features.len() {
+            if self.stop.is_wanted() {
+                return;
+            }
             let mut found = Vec::new();
             for upper in self.above(shaft, &features, lower) {
+                if self.stop.is_wanted() {
+                    return;
+                }
                 let (a, b) = (&features[lower], &features[upper as usize]);
                 let cells = self.lines_through(shaft, a, b);
                 if cells.is_empty() {
@@ -299,6 +305,9 @@ impl Tracer<'_, '_> {
         for (first, above) in pairs.iter().enumerate() {
             let lower = &features[first];
             for pair in above {
+                if self.stop.is_wanted() {
+                    return;
+                }
                 let upper = &features[pair.upper as usize];
                 for &lamp_edge in &shaft.lamp_edges {
                     if self.do_meet(lamp_edge, lower.edge) || self.do_meet(lamp_edge, upper.edge) {

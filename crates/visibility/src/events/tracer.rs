@@ -8,6 +8,7 @@ use crate::events::roots::Quadratic;
 use crate::events::shaft::{Region, Shaft, form};
 use crate::events::swath::{MovingPoint, Swath, finite};
 use crate::events::{CriticalCurves, Event, EventKind, EventKinds};
+use antumbra_geom::Stop;
 use antumbra_scene::{Aabb, EdgeId, Face, FaceId, Scene, VertexId};
 use glam::{DVec3, DVec4};
 use smallvec::SmallVec;
@@ -78,10 +79,17 @@ pub(crate) struct Tracer<'e, 's> {
     pub(crate) contact_radius: f64,
     pub(crate) tolerance: f64,
     pub(crate) result: CriticalCurves,
+    /// Once wanted, nothing more is traced and the result is of no use.
+    pub(crate) stop: Stop<'e>,
 }
 
 impl<'e, 's> Tracer<'e, 's> {
-    pub(crate) fn new(evaluator: &'e Evaluator<'s>, receiver: FaceId, contact_radius: f64) -> Self {
+    pub(crate) fn new(
+        evaluator: &'e Evaluator<'s>,
+        receiver: FaceId,
+        contact_radius: f64,
+        stop: Stop<'e>,
+    ) -> Self {
         let scene = evaluator.scene();
         let face = scene.face(receiver);
         let loops: Vec<Vec<DVec3>> = face.loops().map(|l| scene.positions(l)).collect();
@@ -101,6 +109,7 @@ impl<'e, 's> Tracer<'e, 's> {
             contact_radius,
             tolerance: scene.plane_tolerance(),
             result: CriticalCurves::default(),
+            stop,
         }
     }
 
@@ -134,7 +143,7 @@ impl<'e, 's> Tracer<'e, 's> {
     /// All events between the receiver and one emitter.
     pub(crate) fn emitter(&mut self, emitter: FaceId, kinds: EventKinds) {
         let lamp = self.scene.face(emitter);
-        if lamp.plane == self.face.plane {
+        if lamp.plane == self.face.plane || self.stop.is_wanted() {
             return;
         }
         let lamp_outline = self.scene.positions(&lamp.outline);
@@ -331,6 +340,9 @@ impl<'e, 's> Tracer<'e, 's> {
         generators: &[Generator],
         causes: [Cause; 2],
     ) {
+        if self.stop.is_wanted() {
+            return;
+        }
         let has_emitter = generators.iter().any(|g| g.is_emitter);
         let mut breaks: SmallVec<[(f64, Cause); 32]> = SmallVec::new();
         let mut add = |form: Quadratic, cause: Cause| {
@@ -389,6 +401,9 @@ impl<'e, 's> Tracer<'e, 's> {
             from = to;
         }
         for part in parts {
+            if self.stop.is_wanted() {
+                return;
+            }
             let hidden = self.blocked(shaft, swath, generators, part);
             for part in subtract(part, hidden) {
                 self.push_part(shaft, event, swath, generators, part, MOST_CUTS);
