@@ -4,6 +4,7 @@
 //!
 //! `ANTUMBRA_SCENES` asks for more scenes, `ANTUMBRA_FIRST` for others.
 
+use antumbra::geom::Stop;
 use antumbra::scene::FaceId;
 use antumbra::solver::{Light, Sample};
 use antumbra::{
@@ -130,7 +131,11 @@ fn limit(mesh: &ReceiverMesh, face: FaceId, point: DVec3, light: &dyn Light) -> 
             Sample { point, toward }
         })
         .collect();
-    let values = [1e-9, 1e-7, 1e-6].map(|radius| light.irradiance(face, &samples, radius));
+    let values = [1e-9, 1e-7, 1e-6].map(|radius| {
+        light
+            .irradiance(face, &samples, radius, Stop::NEVER)
+            .unwrap_or_default()
+    });
     let (lo, hi) = values
         .into_iter()
         .flatten()

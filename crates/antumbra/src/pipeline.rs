@@ -3,6 +3,7 @@
 use crate::demand::{Candidate, Choice, worth_a_line};
 use crate::light::ExactLight;
 use crate::plan::{Plan, Quantity};
+use antumbra_geom::Chart;
 use antumbra_geom::Stop;
 use antumbra_mesh::{ArrangementOptions, MeshError, Order, TaggedCurve, TriMesh, arrange_until};
 use antumbra_scene::{Aabb, FaceId, Scene};
@@ -15,7 +16,7 @@ use antumbra_visibility::{
     CountByKind, CriticalCurve, CriticalCurves, Discontinuity, Evaluator, EventKind, EventKinds,
     critical_curves_until,
 };
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
@@ -762,6 +763,7 @@ fn prepare(
         None => TriMesh::empty(),
     };
     let receiver = Receiver {
+        hot_spots: hot_spots(scene, face, &chart),
         face,
         chart,
         border,
@@ -775,6 +777,34 @@ fn prepare(
         receiver,
         curves: ReceiverCurves { n_border, critical },
     })
+}
+
+/// An emitter is near if its distance is less than this fraction of the receiver.
+const NEAR_EMITTER: f64 = 0.125;
+
+/// Where the pieces of near emitters and their corners stand above a receiver: a lamp a
+/// millimetre below the ceiling lights a patch of its own size there, which the nodes
+/// and check points of large elements may all miss.
+fn hot_spots(scene: &Scene, face: FaceId, chart: &Chart) -> Vec<DVec2> {
+    let receiver = scene.face(face);
+    let origin = scene.position(receiver.outline[0]);
+    let bounds = Aabb::of(receiver.outline.iter().map(|&v| scene.position(v)));
+    let near = NEAR_EMITTER * (bounds.max - bounds.min).length();
+    let mut spots = Vec::new();
+    for emitter in scene.emitters().filter(|&e| e != face) {
+        let pieces = &scene.face(emitter).pieces;
+        for piece in &scene.pieces[pieces.start as usize..pieces.end as usize] {
+            let corners = scene.positions(&piece.vertices);
+            let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
+            for p in std::iter::once(middle).chain(corners) {
+                let height = receiver.normal.dot(p - origin);
+                if height > 0.0 && height <= near {
+                    spots.push(chart.to_chart(p));
+                }
+            }
+        }
+    }
+    spots
 }
 
 /// The exitance of a curve's emitter per band; nothing for contacts of occluders.

@@ -64,6 +64,9 @@ pub struct Receiver {
     /// Are all curves across which light bends in the mesh or postponed? Then
     /// elements without curves hide nothing, and fewer check points do.
     pub knows_all_curves: bool,
+    /// Places under emitters so near that their light falls on little more than
+    /// themselves: the error is measured there too, whatever the elements' size.
+    pub hot_spots: Vec<DVec2>,
 }
 
 /// A straight piece of a curve that waits until an element needs it.
@@ -298,6 +301,7 @@ pub(crate) struct Field {
     pub(crate) progress: Progress,
     contact_radius: f64,
     postponed: Vec<Postponed>,
+    hot_spots: Vec<DVec2>,
     /// The postponed curves that run through each element.
     crossing: Vec<Vec<u32>>,
     knows_all_curves: bool,
@@ -378,6 +382,7 @@ impl Field {
             border: receiver.border,
             progress: Progress::Unfinished,
             postponed: receiver.postponed,
+            hot_spots: receiver.hot_spots,
             crossing,
             knows_all_curves: receiver.knows_all_curves,
             is_dark: !light.reaches(receiver.face),
@@ -629,11 +634,19 @@ impl Field {
     /// Where to measure the error of an element once more. If all curves are known: at
     /// a point or two, and in the middle of curves left out, where their kinks cost most.
     fn second_points(&self, t: usize, allowed: &[f64]) -> SmallVec<[[f64; 3]; 4]> {
+        let corners = self.mesh.corners(t as u32);
+        // Not on edges: there may be contacts, where there is no single value.
+        let inside = |at: &[f64; 3]| at.iter().all(|&x| x > 1e-6);
+        let spots = self.hot_spots.iter();
+        let spots = spots.map(|&p| barycentric(corners, p)).filter(inside);
         if !self.knows_all_curves {
-            return SmallVec::from_slice(&SECOND_POINTS);
+            let mut points = SmallVec::from_slice(&SECOND_POINTS);
+            points.extend(spots);
+            return points;
         }
         let kinks = self.kinks_above(CALM_KINK, t, allowed);
         let mut points = SmallVec::from_slice(INNER_POINTS[usize::from(self.degree) - 1]);
+        points.extend(spots);
         for (i, &(_, c)) in kinks.iter().take(3).enumerate() {
             // The strongest at two places: an element may be wide at one end only.
             let places: &[f64] = if i == 0 { &[0.25, 0.75] } else { &[0.5] };
@@ -648,13 +661,7 @@ impl Field {
         let ends = self.postponed[curve as usize].ends;
         let (from, to) = part_inside(corners, ends)?;
         let place = ends[0] + (ends[1] - ends[0]) * (from + (to - from) * share);
-        let [a, b, c] = corners;
-        let area = (b - a).perp_dot(c - a);
-        let (v, w) = (
-            (place - a).perp_dot(c - a) / area,
-            (b - a).perp_dot(place - a) / area,
-        );
-        let at = [1.0 - v - w, v, w];
+        let at = barycentric(corners, place);
         at.iter().all(|x| (0.0..=1.0).contains(x)).then_some(at)
     }
 
@@ -1366,6 +1373,14 @@ impl Field {
             n_bands: self.n_bands,
         }
     }
+}
+
+/// Barycentric coordinates of a point; not finite if the triangle has no area.
+fn barycentric([a, b, c]: [DVec2; 3], p: DVec2) -> [f64; 3] {
+    let area = (b - a).perp_dot(c - a);
+    let v = (p - a).perp_dot(c - a) / area;
+    let w = (b - a).perp_dot(p - a) / area;
+    [1.0 - v - w, v, w]
 }
 
 /// Which of `candidates` run through an element.

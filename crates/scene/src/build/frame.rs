@@ -45,7 +45,25 @@ pub(super) fn of(
             .filter(|(_, usable)| **usable);
         surfaces.flat_map(|(surface, _)| corners(surface))
     };
-    points().next()?;
+    if points().next().is_none() {
+        for (s, surface) in input
+            .surfaces
+            .iter()
+            .enumerate()
+            .filter(|(s, _)| usable[*s])
+        {
+            findings.error(
+                Findings::surface(s),
+                "too-few-vertices",
+                vec![surface.name.clone()],
+                format!(
+                    "surface '{}': has no vertices, at least 3 are needed",
+                    surface.name
+                ),
+            );
+        }
+        return None;
+    }
     let min = points().fold(DVec3::INFINITY, DVec3::min);
     let max = points().fold(DVec3::NEG_INFINITY, DVec3::max);
     let longest = (max - min).max_element();
