@@ -5,12 +5,18 @@ use antumbra_scene::FaceId;
 use antumbra_solver::{Light, Sample};
 use antumbra_visibility::{Approach, Evaluator, Scratch, View};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Exact irradiance, with a prepared view per face.
 #[derive(Debug)]
 pub struct ExactLight<'e, 's> {
     evaluator: &'e Evaluator<'s>,
     views: Vec<View>,
+    /// Of one emitter, in any band.
+    largest_exitance: f64,
+    /// The bits of the largest sum of form factors without occluders at any sample so
+    /// far: of a positive number, they are in its order.
+    most_unoccluded: AtomicU64,
 }
 
 impl<'e, 's> ExactLight<'e, 's> {
@@ -35,7 +41,14 @@ impl<'e, 's> ExactLight<'e, 's> {
                 }
             })
             .collect();
-        Self { evaluator, views }
+        let scene = evaluator.scene();
+        let exitances = scene.emitters().flat_map(|e| &scene.material(e).exitance);
+        Self {
+            evaluator,
+            views,
+            largest_exitance: exitances.copied().fold(0.0, f64::max),
+            most_unoccluded: AtomicU64::new(0),
+        }
     }
 
     /// The view of a face.
@@ -73,6 +86,7 @@ impl Light for ExactLight<'_, '_> {
             .map_init(
                 || (Scratch::default(), vec![0.0; n_emitters]),
                 |(scratch, factors), chunk| {
+                    let mut most = 0.0f64;
                     let mut values = Vec::with_capacity(chunk.len() * self.n_bands());
                     for sample in chunk {
                         if stop.is_wanted() {
@@ -87,7 +101,10 @@ impl Light for ExactLight<'_, '_> {
                             factors,
                         );
                         values.extend(self.evaluator.weigh(factors));
+                        most = most.max(scratch.unoccluded);
                     }
+                    self.most_unoccluded
+                        .fetch_max(most.to_bits(), Ordering::Relaxed);
                     Some(values)
                 },
             )
@@ -97,5 +114,10 @@ impl Light for ExactLight<'_, '_> {
 
     fn reaches(&self, receiver: FaceId) -> bool {
         self.views[receiver.index()].sees_any_emitter()
+    }
+
+    fn rounding(&self) -> f64 {
+        let most = f64::from_bits(self.most_unoccluded.load(Ordering::Relaxed));
+        16.0 * f64::EPSILON * most * self.largest_exitance
     }
 }

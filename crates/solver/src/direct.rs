@@ -75,6 +75,8 @@ fn all(done: impl ParallelIterator<Item = bool>) -> bool {
 pub struct DirectMeshes {
     pub(crate) fields: Vec<Field>,
     pub(crate) peak: Vec<f64>,
+    /// What may be rounding of all values.
+    rounding: f64,
     tolerance: Tolerance,
     ended: Ended,
 }
@@ -103,6 +105,7 @@ impl DirectMeshes {
         });
         let mut meshes = Self {
             peak: vec![0.0; light.n_bands()],
+            rounding: 0.0,
             fields,
             tolerance: options.tolerance,
             ended: Ended::ToleranceReached,
@@ -121,7 +124,7 @@ impl DirectMeshes {
                     .fields
                     .par_iter_mut()
                     .map(|field| field.verify(light, &allowed, stop)));
-                meshes.gather_peak();
+                meshes.gather_peak(light);
                 levels = meshes.levels();
             }
             let n_marked = count(&levels);
@@ -161,7 +164,7 @@ impl DirectMeshes {
             .fields
             .par_iter_mut()
             .map(|field| field.evaluate(light, stop)));
-        self.gather_peak();
+        self.gather_peak(light);
         is_done
     }
 
@@ -184,7 +187,7 @@ impl DirectMeshes {
                 field.clear();
             }
         });
-        self.gather_peak();
+        self.gather_peak(light);
     }
 
     fn levels(&self) -> Vec<Vec<u8>> {
@@ -192,7 +195,8 @@ impl DirectMeshes {
         self.fields.par_iter().map(|f| f.levels(&allowed)).collect()
     }
 
-    fn gather_peak(&mut self) {
+    fn gather_peak(&mut self, light: &dyn Light) {
+        self.rounding = light.rounding();
         for field in &self.fields {
             for (band, value) in self.peak.iter_mut().zip(&field.peak) {
                 *band = f64::max(*band, *value);
@@ -229,13 +233,24 @@ impl DirectMeshes {
                 }
                 is_done
             }));
-        self.gather_peak();
+        self.gather_peak(light);
         is_done
+    }
+
+    /// What errors in each band are relative to: the peak, but no less than a thousand
+    /// times what may be rounding. In a scene where all light is rounding, what leaks
+    /// into a box by 1e-16 is nothing to be resolved.
+    fn scale(&self) -> Vec<f64> {
+        let least = 1e3 * self.rounding;
+        self.peak
+            .iter()
+            .map(|&p| if p > 0.0 { p.max(least) } else { 0.0 })
+            .collect()
     }
 
     /// The error allowed in each band, in the scene's units.
     pub(crate) fn allowed(&self) -> Vec<f64> {
-        self.peak
+        self.scale()
             .iter()
             .map(|&p| match self.tolerance {
                 Tolerance::Relative(t) => t * p,
@@ -271,7 +286,7 @@ impl DirectMeshes {
     /// * `totals` — irradiance with interreflection on the nodes of every
     ///   receiver, if there is any.
     pub(crate) fn finish_with(self, totals: Option<Vec<Vec<f64>>>) -> DirectSolution {
-        let allowed = self.allowed();
+        let (allowed, scale) = (self.allowed(), self.scale());
         let peak = self.peak;
         let totals: Vec<Option<Vec<f64>>> = match totals {
             Some(totals) => totals.into_iter().map(Some).collect(),
@@ -281,7 +296,7 @@ impl DirectMeshes {
             .fields
             .into_par_iter()
             .zip(totals)
-            .map(|(f, total)| f.finish(&allowed, &peak, total.as_deref()))
+            .map(|(f, total)| f.finish(&allowed, &scale, total.as_deref()))
             .collect();
         let (mut max, mut square, mut area) = (0.0f64, 0.0, 0.0);
         let mut is_above = false;

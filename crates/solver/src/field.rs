@@ -39,6 +39,11 @@ pub trait Light: Sync {
 
     /// Can any light fall on this receiver at all?
     fn reaches(&self, receiver: FaceId) -> bool;
+
+    /// How much of the irradiance told so far may be rounding, in any band.
+    fn rounding(&self) -> f64 {
+        0.0
+    }
 }
 
 /// A receiver with its triangulated arrangement, before any value is known.

@@ -115,6 +115,9 @@ pub struct Scratch {
     slack: f64,
     /// Occluders whose cones were cut against, for profiling: a count, not a time.
     pub n_cones: u64,
+    /// The form factors of all emitters without occluders, summed over the emitters of
+    /// the last [`Evaluator::factors`]: 1e-16 of them is rounding of what is left.
+    pub unoccluded: f64,
 }
 
 /// The cone of one candidate in [`Scratch`].
@@ -412,6 +415,7 @@ impl<'s> Evaluator<'s> {
         factors: &mut [f64],
     ) {
         assert_eq!(factors.len(), self.emitters.len(), "one factor per emitter");
+        scratch.unoccluded = 0.0;
         for ((emitter, candidates), factor) in self
             .emitters
             .iter()
@@ -626,6 +630,7 @@ impl<'s> Evaluator<'s> {
             .sum();
         // A source seen edge-on may give less than nothing by rounding.
         let unoccluded = whole.max(0.0);
+        scratch.unoccluded += unoccluded;
         if scratch.cones.is_empty() {
             scratch.visible.extend(lit);
             return unoccluded;
