@@ -133,7 +133,7 @@ pub(crate) struct Meshing {
 #[derive(Args, Debug)]
 pub(crate) struct Limits {
     /// No more memory than this, such as 500MB or 2GB: then the result so far is written,
-    /// at about three quarters of it, for writing takes memory too.
+    /// at 70 % of it, for writing takes memory too.
     #[arg(long, value_name = "SIZE", value_parser = memory)]
     pub(crate) max_memory: Option<u64>,
     /// No more time than this, from the start on: then the result so far is written, with
