@@ -99,3 +99,31 @@ pub fn read_obj(text: &str) -> Result<SceneInput, antumbra_io::ReadError> {
     };
     antumbra_io::obj::read(obj, &mut load, antumbra::scene::LengthUnit::Metre)
 }
+
+/// A glTF or GLB file whose other files are all missing.
+///
+/// # Errors
+///
+/// What the reader says.
+pub fn read_gltf(bytes: &[u8]) -> Result<SceneInput, antumbra_io::ReadError> {
+    let metre = antumbra::scene::LengthUnit::Metre;
+    antumbra_io::gltf::read(bytes, &mut no_file, metre)
+}
+
+/// Radiance files in one text, apart where a line says `file`; commands find none.
+///
+/// # Errors
+///
+/// What the reader says.
+pub fn read_rad(text: &str) -> Result<SceneInput, antumbra_io::ReadError> {
+    let files: Vec<antumbra_io::rad::RadFile> = text
+        .split("\nfile\n")
+        .enumerate()
+        .map(|(k, text)| antumbra_io::rad::RadFile {
+            name: format!("{k}.rad"),
+            text: text.to_owned(),
+        })
+        .collect();
+    let mut load = |_: &str, name: &str| no_file(name);
+    antumbra_io::rad::read(&files, &mut load, antumbra::scene::LengthUnit::Metre)
+}

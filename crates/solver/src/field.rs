@@ -259,7 +259,8 @@ const SHORTEST: f64 = 1.0 / (1 << 22) as f64;
 
 /// Elements whose error has not fallen to [`PROGRESS`] of what it was for so many rounds
 /// are given up, if all curves are known: thin ones, and others. Smooth functions and
-/// kinks gain more by a bisection (a D1 kink 0.7).
+/// kinks gain more by a bisection (a D1 kink 0.7). At the ends of contacts
+/// [`RESOLUTION`] decides.
 ///
 /// Their curves are off by a few pixels where irradiance is so steep that it matters, as
 /// in the penumbra of a slit; refinement would go on along the whole curve.
@@ -938,6 +939,7 @@ impl Field {
         self.longest_edge(t) <= resolution * self.size
             || self.is_sliver(t)
             || (self.knows_all_curves
+                && !self.is_singular[t]
                 && self.n_stalled(t) >= MOST_STALLED[usize::from(!self.is_thin(t))])
     }
 
