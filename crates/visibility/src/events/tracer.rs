@@ -77,7 +77,17 @@ pub(crate) struct Tracer<'e, 's> {
     pub(crate) size: f64,
     pub(crate) contact_radius: f64,
     pub(crate) tolerance: f64,
+    /// What VE and EEE curves say of their jumps.
+    pub(crate) jumps: Jumps,
     pub(crate) result: CriticalCurves,
+}
+
+/// What curves say of their jumps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Jumps {
+    Measured,
+    /// They are 0: measuring takes longer than finding the curves.
+    Unknown,
 }
 
 impl<'e, 's> Tracer<'e, 's> {
@@ -100,6 +110,7 @@ impl<'e, 's> Tracer<'e, 's> {
             region: Region::of(scene, receiver),
             contact_radius,
             tolerance: scene.plane_tolerance(),
+            jumps: Jumps::Measured,
             result: CriticalCurves::default(),
         }
     }
@@ -788,7 +799,7 @@ impl<'e, 's> Tracer<'e, 's> {
             ends,
             jumps: [0.0; JUMP_PLACES.len()],
         };
-        if event.kind() != EventKind::Contact {
+        if event.kind() != EventKind::Contact && self.jumps == Jumps::Measured {
             curve.jumps = JUMP_PLACES.map(|t| {
                 jump_at(self.evaluator, self.receiver, &curve, shape.at(t)).unwrap_or(0.0)
             });
