@@ -47,8 +47,8 @@ impl Rule {
     /// The mean over a triangle of a function with these values at the rule's points,
     /// and how far off it may be.
     ///
-    /// The estimate is what no cubic explains, the root of its mean square, times its
-    /// ratio to what no plane explains: where a cubic explains much more than a plane
+    /// The estimate is four times what no cubic explains, the root of its mean square,
+    /// times its ratio to what no plane explains: where a cubic explains much more than a plane
     /// does, the rule (of degree 8) is better still. The square of the ratio was three
     /// times too small in `V5_gunter_irregular`; without the ratio the estimate is a
     /// thousand times the error, and three times the points are needed.
@@ -71,10 +71,15 @@ impl Rule {
         if beyond_linear <= 0.0 {
             return Estimate { value, error: 0.0 };
         }
-        let error = beyond_cubic.sqrt() * (beyond_cubic / beyond_linear).min(1.0).sqrt();
+        let ratio = (beyond_cubic / beyond_linear).min(1.0).sqrt();
+        let error = SAFETY * beyond_cubic.sqrt() * ratio;
         Estimate { value, error }
     }
 }
+
+/// Where a kink crosses all triangles alike, errors do not cancel, and without this
+/// factor the estimate is a fifth too small; 1 would do in `validation/factors`.
+const SAFETY: f64 = 4.0;
 
 fn inner(points: &[([f64; 3], f64); N], a: &[f64; N], b: &[f64; N]) -> f64 {
     (0..N).map(|i| points[i].1 * a[i] * b[i]).sum()
@@ -402,7 +407,7 @@ mod tests {
         let integral = hidden(|p| p.x * p.x * p.y, 1e-12);
         // ∫∫ x² y over the triangle: 2! 1! / 5!.
         assert!((integral.hidden.value - 1.0 / 60.0).abs() < 1e-15);
-        assert!(integral.hidden.error < 1e-15);
+        assert!(integral.hidden.error < 1e-14);
         assert_eq!(integral.evaluations, N as u64);
     }
 

@@ -43,10 +43,6 @@ impl Default for FactorOptions {
     }
 }
 
-/// The share of the tolerance that a pair is integrated to: what is left is for the
-/// sum of many in a row.
-const AIM: f64 = 0.25;
-
 /// About so many pairs are computed a second time, from the other side.
 const CHECKED: usize = 256;
 
@@ -105,7 +101,7 @@ pub fn form_factors(
         }
         let [faces_s, faces_t] = [s, t].map(|s| scene.surfaces[s].faces.len() as f64);
         let goal = Goal {
-            error: AIM * options.tolerance * smaller / (faces_s * faces_t),
+            error: options.tolerance * smaller / (faces_s * faces_t),
             most_evaluations: options.most_evaluations,
             should_stop,
         };

@@ -133,7 +133,11 @@ impl Pair {
         if self.occluders.is_empty() {
             return exact;
         }
-        let integral = self.cubature(from, to, work, goal);
+        let goal = Goal {
+            error: goal.error - exact.error,
+            ..*goal
+        };
+        let integral = self.cubature(from, to, work, &goal);
         if !integral.is_complete {
             // Anything from nothing to all of it.
             return Exchange {
