@@ -29,7 +29,7 @@ pub use jump::{JUMP_PLACES, jump_at};
 use crate::evaluator::Evaluator;
 use antumbra_geom::Stop;
 use antumbra_scene::{EdgeId, FaceId, VertexId};
-use tracer::Tracer;
+use tracer::{Jumps, Tracer};
 
 /// The kind of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -251,7 +251,7 @@ pub fn critical_curves_until(
 }
 
 /// The critical curves on a receiver of one face as if it were the only emitter;
-/// contacts are not among them.
+/// contacts are not among them, and the jumps of VE and EEE curves are not measured.
 ///
 /// * `occluders` — what may stand between, positions in
 ///   [`antumbra_scene::Scene::pieces`], ascending: from [`Evaluator::between`] or
@@ -267,6 +267,7 @@ pub fn critical_curves_between(
     contact_radius: f64,
 ) -> Vec<CriticalCurve> {
     let mut tracer = Tracer::new(evaluator, receiver, contact_radius, Stop::NEVER);
+    tracer.jumps = Jumps::Unknown;
     tracer.emitter_behind(emitter, occluders, kinds);
     let mut curves = tracer.result.curves;
     sort(&mut curves);

@@ -43,12 +43,11 @@ impl Default for FactorOptions {
     }
 }
 
-/// The share of the tolerance that a pair is integrated to: what is left is for the
-/// sum of many in a row.
-const AIM: f64 = 0.25;
-
 /// About so many pairs are computed a second time, from the other side.
 const CHECKED: usize = 256;
+
+/// Pairs with more evaluations than this are not computed a second time.
+const CHEAP: u64 = 20_000;
 
 /// The form factors between all surfaces of a scene.
 ///
@@ -102,7 +101,7 @@ pub fn form_factors(
         }
         let [faces_s, faces_t] = [s, t].map(|s| scene.surfaces[s].faces.len() as f64);
         let goal = Goal {
-            error: AIM * options.tolerance * smaller / (faces_s * faces_t),
+            error: options.tolerance * smaller / (faces_s * faces_t),
             most_evaluations: options.most_evaluations,
             should_stop,
         };
@@ -113,7 +112,8 @@ pub fn form_factors(
             scratch,
         };
         let there = pair.exchange(pair.better(), &mut work, &goal);
-        let back = is_checked(a, b, n_pairs).then(|| {
+        let is_cheap = there.evaluations <= CHEAP;
+        let back = (is_cheap && is_checked(a, b, n_pairs)).then(|| {
             let goal = Goal {
                 // The other side may be much larger, and more happens there.
                 most_evaluations: options.most_evaluations.min(32 * there.evaluations),
@@ -123,22 +123,19 @@ pub fn form_factors(
         });
         Some(Entry::new(a, b, there, back))
     };
-    let entries: Vec<Vec<Entry>> = (0..n)
-        .into_par_iter()
-        .with_max_len(1)
-        .map_init(Scratch::default, |scratch, a| {
-            (a + 1..n)
-                .filter_map(|b| {
-                    let entry = one(FaceId(a), FaceId(b), scratch);
-                    let done = n_done.fetch_add(1, Ordering::Relaxed);
-                    if entry.is_some() {
-                        progress(done as f64 / n_pairs as f64);
-                    }
-                    entry
-                })
-                .collect()
-        })
-        .collect();
+    let row = |a: u32| -> Vec<Entry> {
+        let pairs = (a + 1..n).into_par_iter().with_max_len(16);
+        let entries = pairs.map_init(Scratch::default, |scratch, b| {
+            let entry = one(FaceId(a), FaceId(b), scratch);
+            let done = n_done.fetch_add(1, Ordering::Relaxed);
+            if entry.is_some() {
+                progress(done as f64 / n_pairs as f64);
+            }
+            entry
+        });
+        entries.flatten_iter().collect()
+    };
+    let entries: Vec<Vec<Entry>> = (0..n).into_par_iter().map(row).collect();
     FormFactors::assemble(scene, &areas, &entries.concat())
 }
 

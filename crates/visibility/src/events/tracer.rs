@@ -78,9 +78,19 @@ pub(crate) struct Tracer<'e, 's> {
     pub(crate) size: f64,
     pub(crate) contact_radius: f64,
     pub(crate) tolerance: f64,
+    /// What VE and EEE curves say of their jumps.
+    pub(crate) jumps: Jumps,
     pub(crate) result: CriticalCurves,
     /// Once wanted, nothing more is traced and the result is of no use.
     pub(crate) stop: Stop<'e>,
+}
+
+/// What curves say of their jumps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Jumps {
+    Measured,
+    /// They are 0: measuring takes longer than finding the curves.
+    Unknown,
 }
 
 impl<'e, 's> Tracer<'e, 's> {
@@ -108,6 +118,7 @@ impl<'e, 's> Tracer<'e, 's> {
             region: Region::of(scene, receiver),
             contact_radius,
             tolerance: scene.plane_tolerance(),
+            jumps: Jumps::Measured,
             result: CriticalCurves::default(),
             stop,
         }
@@ -839,7 +850,7 @@ impl<'e, 's> Tracer<'e, 's> {
             ends,
             jumps: [0.0; JUMP_PLACES.len()],
         };
-        if event.kind() != EventKind::Contact {
+        if event.kind() != EventKind::Contact && self.jumps == Jumps::Measured {
             curve.jumps = JUMP_PLACES.map(|t| {
                 jump_at(self.evaluator, self.receiver, &curve, shape.at(t)).unwrap_or(0.0)
             });
