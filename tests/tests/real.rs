@@ -65,13 +65,14 @@ real_scenes! {
     energyplus_zone: Own, ["real/energyplus-lshaped/zone1.json"];
     energyplus_zone_corrected: Own, ["real/energyplus-lshaped/zone1-corrected.json"];
     frads_open_room: Last, [
-        "real/frads-openroom/floor_openroom.rad",
+        "real/frads-openroom/ceiling_openroom.rad",
         "real/frads-openroom/wall_openroom.rad",
         "real/frads-openroom/window_0_openroom.rad",
         "real/frads-openroom/window_1_openroom.rad",
         "real/frads-openroom/window_2_openroom.rad",
         "real/frads-openroom/window_3_openroom.rad",
-        "real/frads-openroom/ceiling_openroom.rad",
+        // Last, for its front is inside; that of the ceiling is not.
+        "real/frads-openroom/floor_openroom.rad",
     ];
     gltf_box: Above, ["real/gltf-box/Box.gltf"];
     gltf_box_binary: Above, ["real/gltf-box/Box.glb"];
