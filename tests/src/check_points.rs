@@ -19,8 +19,8 @@ pub struct Comparison {
     pub n_unresolved: usize,
     /// The largest error.
     pub worst: f64,
-    /// The surface with the largest error.
-    pub worst_surface: String,
+    /// Where it is: the surface and the point, file units; empty if there is none.
+    pub worst_place: String,
     /// The largest direct irradiance of the mesh in any band, in the scene's units.
     pub peak: f64,
     /// Elements of all receivers.
@@ -69,7 +69,7 @@ pub fn compare(
         let points = random_points(mesh, per_receiver);
         let errors = errors_at(mesh, &light, &meshed.direct.peak, &points);
         found.n_points += points.len();
-        for (&(element, _), error) in points.iter().zip(errors) {
+        for (&(element, uv), error) in points.iter().zip(errors) {
             if mesh.unresolved.contains(&(element as u32)) {
                 found.n_unresolved += 1;
                 continue;
@@ -78,10 +78,9 @@ pub fn compare(
             found.n_above += usize::from(!(error <= tolerance));
             if error > found.worst {
                 found.worst = error;
-                scene
-                    .surface_of(mesh.face)
-                    .name
-                    .clone_into(&mut found.worst_surface);
+                let at = scene.frame.to_file(mesh.chart.to_space(uv));
+                let surface = &scene.surface_of(mesh.face).name;
+                found.worst_place = format!("'{surface}' at {at}");
             }
         }
     }
@@ -96,7 +95,7 @@ pub fn compare(
     if n_above * 1_000 > n || worst > 2.0 * tolerance {
         found.wrong.push(format!(
             "{name}: {n_above} of {n} points above {tolerance:e}, the worst at {worst:.2e} on {}",
-            found.worst_surface
+            found.worst_place
         ));
     }
     if n_unresolved * 100 > n {
