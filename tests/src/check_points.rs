@@ -75,7 +75,7 @@ pub fn compare(
                 continue;
             }
             // A place in no element gives none.
-            found.n_above += usize::from(!(error <= tolerance));
+            found.n_above += usize::from(error.is_nan() || error > tolerance);
             if error > found.worst {
                 found.worst = error;
                 let at = scene.frame.to_file(mesh.chart.to_space(uv));
