@@ -62,9 +62,9 @@ real_scenes! {
     tobj_thin_face: Above, ["obj/issue-319-002.obj"];
     tobj_one_triangle: Above, ["obj/leading-zero-in-exponent-notation-issue-210.obj"];
     tobj_two_squares: Above, ["obj/smoothing-group-two-squares.obj"];
-    #[ignore = "the lamp ends 0 to 17 µm off the walls: more than 200 000 elements"]
+    #[ignore = "the lamp ends 0 to 21 µm off the walls: more than 200 000 elements"]
     energyplus_zone: Own, ["real/energyplus-lshaped/zone1.json"];
-    #[ignore = "the lamp ends 0 to 17 µm off the walls: more than 200 000 elements"]
+    #[ignore = "the lamp ends 0 to 21 µm off the walls: more than 200 000 elements"]
     energyplus_zone_corrected: Own, ["real/energyplus-lshaped/zone1-corrected.json"];
     frads_open_room: Last, [
         "real/frads-openroom/ceiling_openroom.rad",
@@ -348,6 +348,10 @@ fn scene_files(folder: &Path, files: &mut Vec<PathBuf>) {
 }
 
 /// Meshes a scene to two tolerances and compares with exact light.
+#[expect(
+    clippy::print_stdout,
+    reason = "`--nocapture` shows the table of all scenes"
+)]
 fn check(real: &RealScene) {
     let name = real.files[0];
     let input = read(real.files).unwrap_or_else(|e| panic!("{name}: {e}"));
