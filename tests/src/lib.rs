@@ -1,6 +1,7 @@
 //! Helpers of the tests: cases with known answers, small scenes, oracles.
 
 pub mod cases;
+pub mod check_points;
 pub mod lattice;
 pub mod motion;
 pub mod oracle;

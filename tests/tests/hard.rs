@@ -4,16 +4,16 @@
 //! `ANTUMBRA_POINTS` asks for more check points.
 
 use antumbra::scene::FaceId;
-use antumbra::{
-    Control, Ended, Evaluator, ExactLight, Options, ReceiverMesh, Scene, SceneInput, Scratch,
-    Tolerance, mesh_order_key,
-};
+use antumbra::{Control, Options, ReceiverMesh, Scene, Tolerance, mesh_order_key};
 use antumbra_tests::cases::{build, fixture, fixtures, json_files};
+use antumbra_tests::check_points::compare;
 use antumbra_tests::motion::Motion;
-use antumbra_tests::random::SplitMix;
 use glam::DVec2;
 use rayon::prelude::*;
 use std::fmt::Write as _;
+
+/// So that a mesh that never ends fails, and does not fill the memory.
+const MOST_ELEMENTS: usize = 100_000;
 
 /// All scenes, by name.
 fn names() -> Vec<String> {
@@ -76,102 +76,9 @@ fn hard_scenes_and_what_becomes_of_them() {
 fn options(tolerance: f64) -> Options {
     Options {
         tolerance: Tolerance::Relative(tolerance),
-        // So that a mesh that never ends fails, and does not fill the memory.
-        most_elements: 100_000,
+        most_elements: MOST_ELEMENTS,
         ..Options::default()
     }
-}
-
-/// A uniform point of a mesh's element, in its chart.
-fn random_point(mesh: &ReceiverMesh, areas: &[f64], random: &mut SplitMix) -> (usize, DVec2) {
-    let total = *areas.last().unwrap_or(&0.0);
-    let t = areas
-        .partition_point(|&a| a < total * random.unit())
-        .min(areas.len() - 1);
-    let [a, b, c] = mesh.mesh.corners(t as u32);
-    let (mut s, mut r) = (random.unit(), random.unit());
-    if s + r > 1.0 {
-        (s, r) = (1.0 - s, 1.0 - r);
-    }
-    (t, a + (b - a) * s + (c - a) * r)
-}
-
-/// Meshes a scene and compares with exact light at random points of all receivers, as
-/// many on each; returns what is wrong.
-fn errors(name: &str, input: &SceneInput, tolerance: f64, n_points: usize) -> Vec<String> {
-    let scene = build(input);
-    let meshed = antumbra::mesh(&scene, &options(tolerance), &Control::default())
-        .unwrap_or_else(|e| panic!("{name}: {e}"));
-    let mut wrong = Vec::new();
-    if !matches!(
-        meshed.direct.ended,
-        Ended::ToleranceReached | Ended::ResolutionReached
-    ) {
-        wrong.push(format!("{name}: ended with {:?}", meshed.direct.ended));
-    }
-    let evaluator = Evaluator::new(&scene);
-    let light = ExactLight::new(&evaluator);
-    let peak = meshed.direct.peak[0];
-    let receivers = &meshed.direct.receivers;
-    let per_receiver = n_points.div_ceil(receivers.len());
-    let (mut n_above, mut n_unresolved, mut worst) = (0, 0, 0.0f64);
-    for mesh in receivers {
-        if let Err(error) = mesh.mesh.check() {
-            wrong.push(format!("{name}: {error}"));
-        }
-        if mesh.direct.iter().any(|&e| !(e >= 0.0 && e.is_finite())) {
-            wrong.push(format!("{name}: a value that is negative or none"));
-        }
-        let areas: Vec<f64> = (0..mesh.n_elements() as u32)
-            .scan(0.0, |sum, t| {
-                *sum += mesh.mesh.area(t).max(0.0);
-                Some(*sum)
-            })
-            .collect();
-        let points: Vec<(usize, DVec2)> = {
-            let mut random = SplitMix::new(u64::from(mesh.face.0) + 1);
-            (0..per_receiver)
-                .map(|_| random_point(mesh, &areas, &mut random))
-                .collect()
-        };
-        let found: Vec<(bool, f64)> = points
-            .par_iter()
-            .map_init(Scratch::default, |scratch, &(t, uv)| {
-                let exact = light.at(mesh.face, mesh.chart.to_space(uv), scratch)[0];
-                let interpolated = mesh
-                    .locate(uv)
-                    .map_or(f64::NAN, |(element, at)| mesh.direct_at(element, at)[0]);
-                let is_unresolved = mesh.unresolved.contains(&(t as u32));
-                (
-                    is_unresolved,
-                    (interpolated - exact).abs() / peak.max(1e-300),
-                )
-            })
-            .collect();
-        for (is_unresolved, error) in found {
-            n_unresolved += usize::from(is_unresolved);
-            // A place in no element gives none.
-            if !is_unresolved && !(error <= tolerance) {
-                n_above += 1;
-            }
-            if !is_unresolved {
-                worst = worst.max(error);
-            }
-        }
-    }
-    let n = per_receiver * receivers.len();
-    // Between check points a few may err more.
-    if n_above * 1_000 > n || worst > 2.0 * tolerance {
-        wrong.push(format!(
-            "{name}: {n_above} of {n} points above {tolerance:e}, the worst at {worst:.2e}"
-        ));
-    }
-    if n_unresolved * 100 > n {
-        wrong.push(format!(
-            "{name}: {n_unresolved} of {n} points in unresolved elements"
-        ));
-    }
-    wrong
 }
 
 fn within_tolerance(motion: &Motion) {
@@ -179,7 +86,7 @@ fn within_tolerance(motion: &Motion) {
         .par_iter()
         .flat_map(|name| {
             let scene = motion.scene(&fixture(&format!("hard/{name}")));
-            errors(name, &scene, 1e-3, n_points())
+            compare(name, &build(&scene), 1e-3, MOST_ELEMENTS, n_points()).wrong
         })
         .collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
