@@ -223,6 +223,10 @@ const INNER_POINTS: [&[[f64; 3]]; 4] = [
     &[[0.38, 0.34, 0.28], [0.13, 0.74, 0.13]],
 ];
 
+/// Elements longer than this fraction of their receiver are measured at
+/// [`SECOND_POINTS`] too: there are few, and over them irradiance may be anything.
+const LARGE: f64 = 0.3;
+
 /// Where the error is measured on an edge that lies on a curve, by degree, from
 /// both ends: the largest error of interpolation at equally spaced nodes.
 const EDGE_CHECK: [f64; 4] = [0.5, 0.211, 0.127, 0.0892];
@@ -653,6 +657,9 @@ impl Field {
         let kinks = self.kinks_above(CALM_KINK, t, allowed);
         let mut points = SmallVec::from_slice(INNER_POINTS[usize::from(self.degree) - 1]);
         points.extend(spots);
+        if self.longest_edge(t) > LARGE * self.size {
+            points.extend(SECOND_POINTS);
+        }
         for (i, &(_, c)) in kinks.iter().take(3).enumerate() {
             // The strongest at two places: an element may be wide at one end only.
             let places: &[f64] = if i == 0 { &[0.25, 0.75] } else { &[0.5] };
