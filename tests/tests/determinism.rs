@@ -1,8 +1,19 @@
 //! Same input, same bytes: however many threads share the work.
 
 use antumbra::{Control, DirectSolution, Options, Tolerance};
-use antumbra_tests::cases::{build, fixture};
+use antumbra_tests::cases::{build, fixture, fixtures, json_files};
 
+/// Folders of scene files that are valid, by their path below `fixtures`.
+const FOLDERS: [&str; 6] = [
+    "basic",
+    "alignment",
+    "contact",
+    "penetration",
+    "eee",
+    "hard",
+];
+
+/// For interreflection, which takes longer.
 const SCENES: [&str; 4] = [
     "basic/two-triangles",
     "alignment/box-under-rectangle",
@@ -43,12 +54,24 @@ fn bits(solution: &DirectSolution) -> Vec<u64> {
     all
 }
 
+/// Every fixture, to a tolerance that all phases of refinement are needed for.
 #[test]
 fn meshes_are_bit_identical_for_any_number_of_threads() {
-    for name in SCENES {
-        let scene = build(&fixture(name));
+    let options = Options {
+        tolerance: Tolerance::Relative(3e-3),
+        ..Options::default()
+    };
+    let names = FOLDERS.iter().flat_map(|folder| {
+        let files = json_files(&fixtures().join(folder));
+        files.into_iter().filter_map(move |path| {
+            let stem = path.file_stem()?.to_string_lossy().into_owned();
+            Some(format!("{folder}/{stem}"))
+        })
+    });
+    for name in names {
+        let scene = build(&fixture(&name));
         let run = || {
-            let meshed = antumbra::mesh(&scene, &Options::default(), &Control::default());
+            let meshed = antumbra::mesh(&scene, &options, &Control::default());
             bits(&meshed.unwrap_or_else(|e| panic!("{name}: {e}")).direct)
         };
         let one = with_threads(1, run);

@@ -1,8 +1,10 @@
 //! Two oracles against the engine: sampling, and rational arithmetic.
 
-use antumbra::SceneInput;
-use antumbra_tests::cases::fixture;
+use antumbra::scene::SurfaceInput;
+use antumbra::{Control, Options, ReceiverMesh, SceneInput};
+use antumbra_tests::cases::{build, fixture, fixtures, json_files};
 use antumbra_tests::oracle::sampled;
+use antumbra_tests::random::SplitMix;
 use antumbra_tests::rational;
 use antumbra_tests::scenes::{exact, points_on};
 use glam::{DVec3, dvec3};
@@ -98,4 +100,130 @@ fn touches(corners: &[DVec3], p: DVec3) -> bool {
         let along = corners[(i + 1) % n] - corners[i];
         normal.dot(along.cross(p - corners[i])) >= -1e-9
     })
+}
+
+/// Hard scenes whose surfaces are convex, without holes, and plane as they are written:
+/// those that rational arithmetic can tell of.
+fn hard_and_plain() -> Vec<String> {
+    json_files(&fixtures().join("hard"))
+        .iter()
+        .filter_map(|path| path.file_stem())
+        .map(|stem| format!("hard/{}", stem.to_string_lossy()))
+        .filter(|name| fixture(name).surfaces.iter().all(is_plain))
+        .collect()
+}
+
+fn is_plain(surface: &SurfaceInput) -> bool {
+    let v = &surface.vertices;
+    let n = v.len();
+    let turn = |k: usize| (v[(k + 1) % n] - v[k]).cross(v[(k + 2) % n] - v[(k + 1) % n]);
+    surface.holes.is_empty()
+        && (0..n).all(|k| turn(k).dot(turn(0)) > 0.0)
+        && v.iter().all(|&p| turn(0).dot(p - v[0]) == 0.0)
+}
+
+/// Inner points of a convex surface with few digits, so that they lie on its plane as
+/// exactly as its corners do.
+fn inner_points(surface: &SurfaceInput, n: usize, seed: u64) -> Vec<DVec3> {
+    let mut random = SplitMix::new(seed);
+    (0..n)
+        .map(|_| {
+            let k = 1 + (random.bits() as usize) % (surface.vertices.len() - 2);
+            let [a, b, c] = [0, k, k + 1].map(|k| surface.vertices[k]);
+            let mut weight = || (1 + random.bits() % 120) as f64 / 256.0;
+            let (u, v) = (weight(), weight());
+            a + (b - a) * u + (c - a) * v
+        })
+        .collect()
+}
+
+/// On every surface of every such scene, at points that may lie behind anything.
+#[test]
+fn exact_irradiance_of_hard_scenes_agrees_with_rational_arithmetic() {
+    let names = hard_and_plain();
+    assert!(names.len() >= 12, "only {} scenes are plain", names.len());
+    let wrong: Vec<String> = names
+        .par_iter()
+        .flat_map(|name| {
+            let scene = fixture(name);
+            let most: f64 = scene.materials.iter().map(|m| m.exitance[0]).sum();
+            let mut wrong = Vec::new();
+            for (k, surface) in scene.surfaces.iter().enumerate() {
+                let v = &surface.vertices;
+                let normal = (v[1] - v[0]).cross(v[2] - v[0]);
+                let points = inner_points(surface, 4, k as u64);
+                // A point whose coordinates are rounded may lie below its own surface,
+                // which does not hide it.
+                let mut others = scene.clone();
+                others.surfaces.remove(k);
+                for (&p, e) in points.iter().zip(exact(&scene, &surface.name, &points)) {
+                    let is_touched = scene
+                        .surfaces
+                        .iter()
+                        .any(|s| s.name != surface.name && touches(&s.vertices, p));
+                    if is_touched {
+                        continue;
+                    }
+                    let rational = rational::irradiance(&others, p, normal);
+                    if (rational - e).abs() > 1e-13 * most {
+                        wrong.push(format!(
+                            "{name}, {} at {p}: rational {rational}, exact {e}",
+                            surface.name
+                        ));
+                    }
+                }
+            }
+            wrong
+        })
+        .collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Interpolated values of the brightest receiver against sampling, which knows neither
+/// events nor clipping.
+#[test]
+fn meshes_of_hard_scenes_agree_with_sampling() {
+    let wrong: Vec<String> = hard_and_plain()
+        .par_iter()
+        .flat_map(|name| {
+            let input = fixture(name);
+            let scene = build(&input);
+            let meshed = antumbra::mesh(&scene, &Options::default(), &Control::default())
+                .unwrap_or_else(|e| panic!("{name}: {e}"));
+            let brightest = |m: &&ReceiverMesh| m.direct.iter().copied().fold(0.0, f64::max);
+            let Some(mesh) = (meshed.direct.receivers.iter())
+                .max_by(|a, b| brightest(a).total_cmp(&brightest(b)))
+            else {
+                return Vec::new();
+            };
+            let surface = scene.surface_of(mesh.face);
+            let Some(written) = input.surfaces.iter().find(|s| s.name == surface.name) else {
+                return Vec::new();
+            };
+            let normal = scene.face(mesh.face).normal;
+            let mut wrong = Vec::new();
+            for p in inner_points(written, 6, 99) {
+                let uv = mesh.chart.to_chart(scene.frame.to_scene(p));
+                let Some((element, at)) = mesh.locate(uv) else {
+                    wrong.push(format!("{name}, {}: {p} is in no element", surface.name));
+                    continue;
+                };
+                if mesh.unresolved.contains(&(element as u32)) {
+                    continue;
+                }
+                let value = mesh.direct_at(element, at)[0];
+                let sampled = sampled(&input, p, normal, 150);
+                // The midpoint rule is off by 1e-5 of a lamp that is not near.
+                let allowed = sampled.undecided + 1e-3 * meshed.direct.peak[0] + 1e-4;
+                if (sampled.irradiance - value).abs() > allowed {
+                    wrong.push(format!(
+                        "{name}, {} at {p}: sampled {} within {allowed:.1e}, mesh {value}",
+                        surface.name, sampled.irradiance
+                    ));
+                }
+            }
+            wrong
+        })
+        .collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

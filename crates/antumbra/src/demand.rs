@@ -5,7 +5,7 @@
 //! curve is what a line saves. The line itself costs elements at its ends and where
 //! it crosses others.
 
-use antumbra_geom::Stop;
+use antumbra_geom::{Stop, coarse_order};
 use antumbra_solver::{KINK_D1, KINK_D2};
 use antumbra_visibility::{CriticalCurve, Discontinuity, JUMP_PLACES};
 use glam::DVec2;
@@ -161,8 +161,9 @@ pub(crate) fn worth_a_line(candidates: &[Candidate], degree: u8, stop: Stop<'_>)
         .collect();
     let fineness = fineness?;
     let mut order: Vec<usize> = (0..candidates.len()).collect();
-    let strength = |i: usize| fineness[i].iter().sum::<f64>();
-    order.sort_by(|&a, &b| strength(b).total_cmp(&strength(a)).then(a.cmp(&b)));
+    // Equally strong ones in the order of their ids, however their strengths are rounded.
+    let strength = |i: usize| coarse_order(fineness[i].iter().sum::<f64>());
+    order.sort_by_key(|&i| (std::cmp::Reverse(strength(i)), i));
 
     let mut choice = Choice {
         is_line: vec![false; candidates.len()],
@@ -219,7 +220,7 @@ fn nearest_beside(
     let (at, direction) = (c.at(JUMP_PLACES[k]), c.direction());
     let mut nearest = f64::INFINITY;
     // Farther away than a cell, nothing counts as beside.
-    let reach = among.cell / 2.0;
+    let reach = among.cell.max_element();
     for j in among.near(at - reach, at + reach) {
         let j = j as usize;
         let other = &candidates[j];
@@ -227,18 +228,28 @@ fn nearest_beside(
             continue;
         }
         let (a, along) = (other.ends[0], other.direction());
-        let s = along.dot(at - a);
-        if s >= 0.0 && s <= other.length() {
-            nearest = nearest.min(along.perp_dot(at - a).abs());
+        let (s, length) = (along.dot(at - a), other.length());
+        let apart = along.perp_dot(at - a).abs();
+        if s >= -ROUNDING * length && s <= (1.0 + ROUNDING) * length && apart <= reach {
+            nearest = nearest.min(apart);
         }
     }
     nearest
 }
 
+/// A point this far beyond the end of a curve, relative to its length, is at the end;
+/// and curves that end so near to one another do not cross. Smaller, and rounding
+/// chooses; larger, and short curves beside long ones count as crossed.
+const ROUNDING: f64 = 1e-9;
+
 fn do_cross(c: &Candidate, other: &Candidate) -> bool {
-    let side = |s: &Candidate, p: DVec2| (s.ends[1] - s.ends[0]).perp_dot(p - s.ends[0]);
-    side(c, other.ends[0]) * side(c, other.ends[1]) < 0.0
-        && side(other, c.ends[0]) * side(other, c.ends[1]) < 0.0
+    let separates = |s: &Candidate, [p, q]: [DVec2; 2]| {
+        let along = s.ends[1] - s.ends[0];
+        let [p, q] = [p, q].map(|p| along.perp_dot(p - s.ends[0]));
+        let least = ROUNDING * along.length_squared();
+        p.min(q) < -least && p.max(q) > least
+    };
+    separates(c, other.ends) && separates(other, c.ends)
 }
 
 #[cfg(test)]

@@ -888,7 +888,7 @@ type MeshWithOrders<'a> = (&'a TriMesh, usize);
 
 /// Features closer than this to a receiver touch it; scene units.
 ///
-/// Eight pixels of its arrangement. Smaller, and the two sides of the shadow of a
+/// Twelve pixels of its arrangement. Smaller, and the two sides of the shadow of a
 /// gap would fall into one pixel (`contact/table` with its legs a hair above the
 /// floor); larger, and light that comes through a gap of 2⁻²⁴ of the receiver would
 /// be lost.
@@ -899,13 +899,11 @@ fn contact_radius(scene: &Scene, face: FaceId) -> f64 {
         (glam::DVec2::INFINITY, glam::DVec2::NEG_INFINITY),
         |(min, max), &p| (min.min(p), max.max(p)),
     );
-    // Curves overshoot the border a little, hence the factor.
-    let side = (max - min).max_element() * (1.0 + 1e-6);
-    8.0 * side.log2().ceil().exp2() * PIXEL
+    12.0 * (max - min).max_element() * PIXEL
 }
 
 /// The share of the tolerance that refinement aims at.
 const START: f64 = 0.45;
 
-/// A pixel of the arrangement relative to its receiver, rounded up to a power of two.
+/// A pixel of the arrangement relative to its receiver.
 const PIXEL: f64 = 1.0 / (1u64 << 28) as f64;

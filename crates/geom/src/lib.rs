@@ -5,10 +5,12 @@
 
 pub mod cdt;
 mod chart;
+mod coarse;
 mod polygon;
 mod stop;
 
 pub use chart::Chart;
+pub use coarse::coarse_order;
 pub use glam::{DVec2, DVec3, dvec2, dvec3};
 pub use polygon::{
     convex_pieces, newell_normal, point_in_polygon, polygon_area, segments_cross, signed_area,

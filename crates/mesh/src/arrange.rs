@@ -116,7 +116,7 @@ pub struct Arrangement {
     pub report: ArrangementReport,
     /// Where the centre of pixel (0, 0) is in the chart.
     pub origin: DVec2,
-    /// The side of a pixel, a power of two.
+    /// The side of a pixel.
     pub pixel: f64,
     /// No curve has moved by more than this many pixels.
     pub tolerance: f64,
@@ -216,7 +216,13 @@ const MIN_BITS: u32 = 8;
 
 /// Coordinates of the input are rounded to 53 bits; pixels have at most so many,
 /// so that the rounding is small even for crossings at small angles.
-const MAX_PIXEL_BITS: i32 = 40;
+const MAX_PIXEL_BITS: u32 = 40;
+
+/// Curves may reach so many times as far as the border before pixels grow with them.
+const OVERSHOOT: f64 = 1.125;
+
+/// Smaller pixels lose digits to underflow.
+const SMALLEST_PIXEL: f64 = 1e-270;
 
 /// The pixels for these curves; nothing if they have no extent.
 fn choose_frame(curves: &[(u32, &TaggedCurve)], bits: u32) -> Option<Frame> {
@@ -231,27 +237,21 @@ fn choose_frame(curves: &[(u32, &TaggedCurve)], bits: u32) -> Option<Frame> {
             })
     };
     let (min, max) = bounds(false)?;
-    let extent = (max - min).max_element();
+    let border = bounds(true).unwrap_or((min, max));
     let largest = min.abs().max(max.abs()).max_element();
-    let exponent = (log2_ceil(extent) - bits as i32).max(log2_ceil(largest) - MAX_PIXEL_BITS);
-    if extent <= 0.0 || exponent < -900 {
+    // Curves that overshoot the border by a little do not change its pixels.
+    let [of_all, of_border] = [(min, max), border].map(|(min, max)| (max - min).max_element());
+    let extent = if of_all <= OVERSHOOT * of_border {
+        of_border
+    } else {
+        of_all
+    };
+    let pixel = (extent / (1_u64 << bits) as f64).max(largest / (1_u64 << MAX_PIXEL_BITS) as f64);
+    if extent <= 0.0 || pixel < SMALLEST_PIXEL {
         return None;
     }
-    let pixel = 2.0_f64.powi(exponent);
-    let (min, max) = bounds(true).unwrap_or((min, max));
-    let origin = ((min + max) / 2.0 / pixel).round() * pixel;
+    let origin = (border.0 + border.1) / 2.0;
     Some(Frame { origin, pixel })
-}
-
-/// The smallest `e` with `x <= 2^e`, for normal numbers.
-fn log2_ceil(x: f64) -> i32 {
-    let bits = x.to_bits();
-    let exponent = ((bits >> 52) & 0x7ff) as i32 - 1023;
-    if bits & ((1 << 52) - 1) == 0 {
-        exponent
-    } else {
-        exponent + 1
-    }
 }
 
 /// One attempt, with given pixels.

@@ -2,6 +2,7 @@
 
 use std::cmp::Ordering;
 
+use antumbra_geom::coarse_order;
 use glam::DVec2;
 
 use crate::trimesh::{TriMesh, ascending};
@@ -40,7 +41,8 @@ impl TriMesh {
     }
 
     /// The longest edge of a triangle. No two edges of a mesh are equally long:
-    /// where lengths are, vertices decide.
+    /// where lengths are, up to rounding, vertices decide. So the same edges are
+    /// bisected in a mesh and in its images, in which equal lengths are rounded apart.
     fn longest_edge(&self, t: u32) -> usize {
         let triangle = self.triangles[t as usize];
         let mut longest = 0;
@@ -54,9 +56,11 @@ impl TriMesh {
     }
 
     fn compare_lengths(&self, e: [u32; 2], f: [u32; 2]) -> Ordering {
-        let [p, q] = [e, f]
-            .map(|[a, b]| self.vertices[a as usize].distance_squared(self.vertices[b as usize]));
-        p.total_cmp(&q).then(e.cmp(&f))
+        let [p, q] = [e, f].map(|[a, b]| {
+            let [p, q] = [a, b].map(|v| self.vertices[v as usize]);
+            coarse_order(p.distance_squared(q))
+        });
+        p.cmp(&q).then(e.cmp(&f))
     }
 }
 

@@ -11,9 +11,9 @@ use crate::grid::Grid;
 /// Where the pixels of a receiver lie in its chart.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
-    /// The centre of pixel (0, 0), a multiple of `pixel`.
+    /// The centre of pixel (0, 0).
     pub(crate) origin: DVec2,
-    /// The side of a pixel, a power of two.
+    /// The side of a pixel.
     pub(crate) pixel: f64,
 }
 
