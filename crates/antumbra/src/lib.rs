@@ -33,9 +33,11 @@
 mod demand;
 mod export;
 mod light;
+mod mesher;
 mod pipeline;
 mod plan;
 pub mod reduce;
+mod study;
 pub mod values;
 
 pub use antumbra_geom as geom;
@@ -43,9 +45,9 @@ pub use antumbra_io as io;
 pub use antumbra_mesh::Order;
 pub use antumbra_scene::{self as scene, Problem, Scene, SceneInput, Severity};
 pub use antumbra_solver::{
-    self as solver, DirectSolution, Ended, FactorOptions, FormFactors, NotClosed, Power, Progress,
-    RadiosityOptions, RadiositySolution, Reached, ReceiverMesh, Reciprocity, Repair, RowSums,
-    Tolerance,
+    self as solver, AfterStep, DirectSolution, Ended, FactorOptions, FormFactors, Improvement,
+    NotClosed, Power, Progress, RadiosityOptions, RadiositySolution, Reached, ReceiverMesh,
+    Reciprocity, Repair, RowSums, Tolerance,
 };
 pub use antumbra_visibility::{
     self as visibility, CriticalCurve, Discontinuity, Evaluator, Event, EventKind, EventKinds,
@@ -53,8 +55,10 @@ pub use antumbra_visibility::{
 };
 pub use export::{export, export_factors, generators, mesh_order_key, order_key};
 pub use light::ExactLight;
+pub use mesher::Mesher;
 pub use pipeline::{
-    Control, Error, EventCounts, Events, Meshed, Options, Phase, ReceiverCurves, Solved, factors,
-    mesh, plan, solve,
+    Control, Error, EventCounts, Events, MOST_STEPS, Meshed, Options, Phase, ReceiverCurves,
+    Solved, factors, mesh, plan, solve,
 };
 pub use plan::{Decision, Effect, Expected, Plan, Quantity};
+pub use study::{Meter, Sampled, StudyOptions, study};

@@ -8,9 +8,9 @@ use antumbra_geom::Stop;
 use antumbra_mesh::{ArrangementOptions, MeshError, Order, TaggedCurve, TriMesh, arrange_until};
 use antumbra_scene::{Aabb, FaceId, Scene};
 use antumbra_solver::{
-    DirectMeshes, DirectOptions, DirectSolution, Ended, FactorOptions, FormFactors, Limits,
-    Postponed, Progress, RadiosityOptions, RadiositySolution, Receiver, Tolerance, form_factors,
-    solve_radiosity,
+    AfterStep, DirectMeshes, DirectOptions, DirectSolution, Ended, FactorOptions, FormFactors,
+    Improvement, Limits, Postponed, Progress, RadiosityOptions, RadiositySolution, Receiver,
+    Tolerance, form_factors, solve_radiosity,
 };
 use antumbra_visibility::{
     CountByKind, CriticalCurve, CriticalCurves, Discontinuity, Evaluator, EventKind, EventKinds,
@@ -29,11 +29,16 @@ pub struct Options {
     pub degree: Option<u8>,
     /// Which events' curves are put into the mesh.
     pub events: Events,
+    /// Steps after meshing, one after the other.
+    pub after: [Option<AfterStep>; MOST_STEPS],
     /// No more elements than this.
     pub most_elements: usize,
     /// Of the interreflection; its tolerance follows `tolerance`.
     pub radiosity: RadiosityOptions,
 }
+
+/// No more steps after meshing than this.
+pub const MOST_STEPS: usize = 4;
 
 /// Which events' curves are put into the mesh. Contacts always are: without them
 /// light leaks.
@@ -62,6 +67,7 @@ impl Default for Options {
             tolerance: Tolerance::Relative(1e-3),
             degree: None,
             events: Events::OnDemand,
+            after: [None; MOST_STEPS],
             most_elements: 4_000_000,
             radiosity: RadiosityOptions::default(),
         }
@@ -101,6 +107,8 @@ pub enum Phase {
     Radiosity,
     /// Form factors between surfaces.
     Factors,
+    /// Error against time for every mesh generator.
+    Study,
 }
 
 impl Phase {
@@ -113,6 +121,7 @@ impl Phase {
             Self::Irradiance => "irradiance",
             Self::Radiosity => "radiosity",
             Self::Factors => "factors",
+            Self::Study => "study",
         }
     }
 }
@@ -209,6 +218,8 @@ pub struct Meshed {
     pub events: EventCounts,
     /// What was simulated, and why.
     pub plan: Plan,
+    /// What the steps after meshing did.
+    pub improvements: Vec<Improvement>,
 }
 
 /// A solved scene.
@@ -222,6 +233,8 @@ pub struct Solved {
     pub events: EventCounts,
     /// What was simulated, and why.
     pub plan: Plan,
+    /// What the steps after meshing did.
+    pub improvements: Vec<Improvement>,
 }
 
 /// Decides what a run will simulate, without meshing anything. If it was stopped, the
@@ -249,6 +262,7 @@ pub fn mesh(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<M
         curves: direct.curves,
         events: direct.events,
         plan: direct.plan,
+        improvements: direct.improvements,
     })
 }
 
@@ -297,6 +311,7 @@ pub fn solve(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<
         curves: direct.curves,
         events: direct.events,
         plan,
+        improvements: direct.improvements,
     })
 }
 
@@ -336,6 +351,7 @@ struct Direct {
     curves: Vec<ReceiverCurves>,
     events: EventCounts,
     plan: Plan,
+    improvements: Vec<Improvement>,
 }
 
 fn direct(
@@ -389,9 +405,19 @@ fn direct(
         most_elements: options.most_elements,
         verify: true,
     };
-    let meshes = DirectMeshes::solve(receivers, light, &direct_options, &limits, &|_, done| {
+    let mut meshes = DirectMeshes::solve(receivers, light, &direct_options, &limits, &|_, done| {
         (control.progress)(Phase::Irradiance, done);
     });
+    let improvements = match meshes.ended() {
+        // There is no time to try.
+        Ended::Stopped => Vec::new(),
+        _ => options
+            .after
+            .into_iter()
+            .flatten()
+            .map(|step| meshes.improve(step, light, limits.stop))
+            .collect(),
+    };
     for (progress, curves) in meshes.progress().zip(&mut curves) {
         if matches!(progress, Progress::BorderOnly | Progress::Nothing) {
             curves.critical = Vec::new();
@@ -406,6 +432,7 @@ fn direct(
         curves,
         events,
         plan,
+        improvements,
     })
 }
 

@@ -58,6 +58,50 @@ pub fn place(scene: &Scene, surface: &str, point: DVec3) -> Result<Place, PointE
     })
 }
 
+/// Uniform places on faces, by area; always the same for the same scene.
+///
+/// * `is_wanted` — which faces take part.
+#[must_use]
+pub fn random_places(scene: &Scene, n: u32, is_wanted: &dyn Fn(FaceId) -> bool) -> Vec<Place> {
+    let mut state = 0x9e37_79b9_7f4a_7c15u64;
+    let mut uniform = || {
+        // SplitMix64 (Steele, Lea & Flood 2014).
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    };
+    // Triangles of the convex pieces, with the areas up to them.
+    let mut triangles: Vec<(f64, FaceId, [DVec3; 3])> = Vec::new();
+    let mut area = 0.0;
+    for piece in scene.pieces.iter().filter(|p| is_wanted(p.face)) {
+        let corners = scene.positions(&piece.vertices);
+        for k in 1..corners.len().saturating_sub(1) {
+            let [a, b, c] = [corners[0], corners[k], corners[k + 1]];
+            area += (b - a).cross(c - a).length() / 2.0;
+            triangles.push((area, piece.face, [a, b, c]));
+        }
+    }
+    (0..n)
+        .filter_map(|_| {
+            let at = uniform() * area;
+            let k = triangles.partition_point(|t| t.0 < at);
+            let (_, face, [a, b, c]) = triangles.get(k)?;
+            let (u, v) = (uniform(), uniform());
+            let (u, v) = if u + v > 1.0 {
+                (1.0 - u, 1.0 - v)
+            } else {
+                (u, v)
+            };
+            Some(Place {
+                face: *face,
+                point: *a + (*b - *a) * u + (*c - *a) * v,
+            })
+        })
+        .collect()
+}
+
 /// Exact direct irradiance per band on a surface.
 #[must_use]
 pub fn exact(light: &ExactLight<'_, '_>, place: &Place, scratch: &mut Scratch) -> Vec<f64> {

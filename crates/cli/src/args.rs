@@ -1,7 +1,7 @@
 //! The command line.
 
 use antumbra::scene::LengthUnit;
-use antumbra::{EventKind, EventKinds, Events, Tolerance};
+use antumbra::{AfterStep, EventKind, EventKinds, Events, MOST_STEPS, Tolerance};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -33,6 +33,8 @@ pub(crate) enum Command {
     Probe(Probe),
     /// The matrix of form factors between surfaces, with raw row sums and reciprocity.
     Factors(Factors),
+    /// Error against time for every mesh generator and degree, with advice.
+    Study(Study),
     /// Pictures: false colour with legend and isolux lines (PNG), per-surface maps (SVG).
     Render(Render),
     /// Shrink a scene that fails to the smallest one that still does: a fixture to keep.
@@ -50,6 +52,7 @@ impl Command {
             Self::Mesh(mesh) | Self::Solve(mesh) => &mesh.common,
             Self::Probe(probe) => &probe.common,
             Self::Factors(factors) => &factors.common,
+            Self::Study(study) => &study.common,
             Self::Render(render) => &render.common,
             Self::Reduce(reduce) => &reduce.common,
             Self::ReduceTry(reduce) => &reduce.common,
@@ -64,6 +67,7 @@ impl Command {
             Self::Mesh(mesh) | Self::Solve(mesh) => Some(&mesh.meshing.limits),
             Self::Probe(probe) => Some(&probe.meshing.limits),
             Self::Factors(factors) => Some(&factors.limits),
+            Self::Study(study) => Some(&study.limits),
             Self::Render(render) => Some(&render.meshing.limits),
         }
     }
@@ -125,6 +129,11 @@ pub(crate) struct Meshing {
     /// The mesh generator.
     #[arg(long, value_name = "NAME", default_value = "discontinuity")]
     pub(crate) mesher: Mesher,
+    /// Steps after meshing, one after the other: a list of relocate (nodes move to where
+    /// elements err most), split, elevate (the degree rises). A step that does not lower the
+    /// measured error on a surface is taken back there.
+    #[arg(long, value_name = "STEPS", value_parser = steps, default_value = "", hide_default_value = true)]
+    pub(crate) then: Steps,
     #[command(flatten)]
     pub(crate) limits: Limits,
 }
@@ -152,6 +161,7 @@ impl Meshing {
             },
             degree: self.degree.0,
             events: self.events,
+            after: self.then.0,
             ..antumbra::Options::default()
         }
     }
@@ -161,6 +171,10 @@ impl Meshing {
 pub(crate) enum Mesher {
     Discontinuity,
 }
+
+/// Steps after meshing.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Steps(pub(crate) [Option<AfterStep>; MOST_STEPS]);
 
 /// `None` is auto.
 #[derive(Clone, Copy, Debug)]
@@ -233,6 +247,39 @@ pub(crate) struct Factors {
     pub(crate) limits: Limits,
     /// A file to write; its extension says what: .csv, .json, or .txt for the text of
     /// View3D. May be given several times.
+    #[arg(long, short, value_name = "OUT")]
+    pub(crate) output: Vec<PathBuf>,
+}
+
+#[derive(Args, Debug)]
+#[command(
+    long_about = "Run every mesh generator at every degree over a ladder of tolerances or sizes, and \
+measure error against time, elements, exact evaluations and memory. Errors are those at random \
+points that no mesh used, against exact values."
+)]
+pub(crate) struct Study {
+    #[command(flatten)]
+    pub(crate) common: Common,
+    /// The largest error, relative to the peak, that the advice is for.
+    #[arg(long, value_name = "REL", value_parser = positive, default_value = "1e-3")]
+    pub(crate) tolerance: f64,
+    /// Mesh generators: a list of uniform, graded, quadtree, restricted, tri-quadtree,
+    /// adaptive, discontinuity.
+    #[arg(long, value_name = "NAMES", value_parser = mesher, value_delimiter = ',', default_values_t = antumbra::Mesher::ALL, hide_default_value = true)]
+    pub(crate) meshers: Vec<antumbra::Mesher>,
+    /// Degrees of the elements: a list of 1, 2, 3, 4.
+    #[arg(long, value_name = "LIST", value_parser = clap::value_parser!(u8).range(1..=4), value_delimiter = ',', default_value = "1,2,3,4")]
+    pub(crate) degrees: Vec<u8>,
+    /// Points at which errors are measured.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=10_000_000), default_value = "10000")]
+    pub(crate) points: u32,
+    /// How often short runs are repeated; the median counts.
+    #[arg(long, value_name = "N", default_value = "3")]
+    pub(crate) repeats: usize,
+    #[command(flatten)]
+    pub(crate) limits: Limits,
+    /// A file to write; its extension says what: .html (a page that needs no network),
+    /// .json, .csv, .png or .svg (error against time). May be given several times.
     #[arg(long, short, value_name = "OUT")]
     pub(crate) output: Vec<PathBuf>,
 }
@@ -380,6 +427,35 @@ fn positive(text: &str) -> Result<f64, String> {
         Ok(x) if x.is_finite() && x > 0.0 => Ok(x),
         _ => Err("a number above 0 is needed".into()),
     }
+}
+
+fn steps(text: &str) -> Result<Steps, String> {
+    let mut steps = Steps::default();
+    let words: Vec<&str> = text
+        .split(',')
+        .map(str::trim)
+        .filter(|w| !w.is_empty())
+        .collect();
+    if words.len() > MOST_STEPS {
+        return Err(format!(
+            "{} steps: at most {MOST_STEPS} are allowed",
+            words.len()
+        ));
+    }
+    for (place, word) in steps.0.iter_mut().zip(words) {
+        *place = Some(AfterStep::from_key(word).ok_or_else(|| {
+            let keys = AfterStep::ALL.map(AfterStep::key);
+            format!("'{word}' is no step: {}", keys.join(", "))
+        })?);
+    }
+    Ok(steps)
+}
+
+fn mesher(text: &str) -> Result<antumbra::Mesher, String> {
+    antumbra::Mesher::from_key(text).ok_or_else(|| {
+        let keys: Vec<&str> = antumbra::Mesher::ALL.iter().map(|m| m.key()).collect();
+        format!("'{text}' is no mesh generator: {}", keys.join(", "))
+    })
 }
 
 fn degree(text: &str) -> Result<Degree, String> {

@@ -16,6 +16,7 @@ mod reduce;
 mod render;
 mod report;
 mod say;
+mod study;
 
 use args::{Command, Options};
 use clap::Parser;
@@ -66,6 +67,7 @@ fn main() -> ExitCode {
         Command::Solve(mesh) => mesh::run(mesh, mesh::Work::Solve),
         Command::Probe(probe) => probe::run(probe),
         Command::Factors(factors) => factors::run(factors),
+        Command::Study(study) => study::run(study),
         Command::Render(render) => render::run(render),
         Command::Reduce(args) => reduce::run(args),
         Command::ReduceTry(args) => reduce::try_once(args),

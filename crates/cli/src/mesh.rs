@@ -31,6 +31,7 @@ impl Done {
                 curves: &m.curves,
                 events: &m.events,
                 plan: &m.plan,
+                improvements: &m.improvements,
                 radiosity: None,
             },
             Self::Solved(s) => Outcome {
@@ -38,6 +39,7 @@ impl Done {
                 curves: &s.curves,
                 events: &s.events,
                 plan: &s.plan,
+                improvements: &s.improvements,
                 radiosity: Some(&s.radiosity),
             },
         }

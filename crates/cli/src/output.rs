@@ -5,6 +5,7 @@ use crate::failure::Failure;
 use crate::mesh::Work;
 use antumbra::Scene;
 use antumbra::io::model::{FactorTable, MeshedScene};
+use antumbra::io::study::{self, Study};
 use antumbra::io::{picture, write};
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -22,6 +23,7 @@ pub(crate) enum Format {
     Svg,
     Png,
     Txt,
+    Html,
 }
 
 /// The formats of all outputs, checked before any work is done: the extension
@@ -47,6 +49,7 @@ pub(crate) fn formats(outputs: &[PathBuf], allowed: &[Format]) -> Result<Vec<For
                 Some("svg") => Format::Svg,
                 Some("png") => Format::Png,
                 Some("txt") => Format::Txt,
+                Some("html") => Format::Html,
                 _ => return Err(unknown(path)),
             };
             if !allowed.contains(&format) {
@@ -145,7 +148,9 @@ fn write(path: &Path, format: Format, scene: &MeshedScene, look: &Picture) -> Re
             options.check(scene).map_err(std::io::Error::other)?;
             picture::write_png(&picture::render(scene, &options), out)
         }
-        Format::Txt => Err(std::io::Error::other("a mesh is not written as text")),
+        Format::Txt | Format::Html => Err(std::io::Error::other(
+            "a mesh is not written as text or as a page",
+        )),
     })
 }
 
@@ -165,6 +170,37 @@ pub(crate) fn write_factors(
         Format::Txt => write::factors::write_view3d(table, out),
         _ => Err(std::io::Error::other(
             "form factors are written as .csv, .json or .txt",
+        )),
+    })
+}
+
+/// Every format a study can be written in.
+pub(crate) const STUDIES: [Format; 5] = [
+    Format::Html,
+    Format::Json,
+    Format::Csv,
+    Format::Png,
+    Format::Svg,
+];
+
+/// Pixels of a study's picture.
+const STUDY_SIZE: (usize, usize) = (1500, 960);
+
+/// Writes a study: into a new file beside it, which then takes its name.
+pub(crate) fn write_study(path: &Path, format: Format, found: &Study) -> Result<(), Failure> {
+    let (x, y) = (study::Horizontal::Seconds, study::Vertical::Rms);
+    let (width, height) = STUDY_SIZE;
+    atomically(path, |out| match format {
+        Format::Html => study::write_html(found, out),
+        Format::Json => study::write_json(found, out),
+        Format::Csv => study::write_csv(found, out),
+        Format::Png => picture::write_png(&study::render(found, x, y, width, height), out),
+        Format::Svg => {
+            let size = glam::dvec2(width as f64, height as f64);
+            writeln!(out, "{}", study::svg(found, x, y, size))
+        }
+        _ => Err(std::io::Error::other(
+            "a study is written as .html, .json, .csv, .png or .svg",
         )),
     })
 }

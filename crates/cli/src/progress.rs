@@ -263,6 +263,15 @@ pub(crate) fn peak_memory() -> u64 {
     status_field("VmHWM:")
 }
 
+/// Memory of this process now, and the most since this was asked last, in bytes; zeros
+/// where the system does not tell.
+pub(crate) fn most_memory_since() -> [u64; 2] {
+    let memory = [resident_memory(), peak_memory()];
+    // On Linux this sets the peak back to what is taken now.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+    memory
+}
+
 fn status_field(key: &str) -> u64 {
     field_of("/proc/self/status", key).unwrap_or(0)
 }

@@ -13,8 +13,7 @@ use antumbra::reduce::{Size, reduce};
 use antumbra::solver::Tolerance;
 use antumbra::values::{self, Place};
 use antumbra::visibility::Source;
-use antumbra::{Ended, Evaluator, ExactLight, Meshed, Scene, SceneInput, Scratch};
-use glam::DVec3;
+use antumbra::{Ended, Evaluator, ExactLight, Meshed, SceneInput, Scratch};
 use indicatif::ProgressBar;
 use serde_json::json;
 use std::io::{IsTerminal as _, Write as _};
@@ -325,37 +324,39 @@ fn has_wrong_value(
     let evaluator = Evaluator::new(scene);
     let light = ExactLight::new(&evaluator);
     let mut scratch = Scratch::default();
-    random_places(scene, n_points).iter().any(|place| {
-        let exact = values::exact(&light, place, &mut scratch);
-        match failure {
-            ValueFailure::Negative => exact.iter().any(is_wrong),
-            ValueFailure::AboveUnoccluded => {
-                let most = unoccluded(&evaluator, place, &mut scratch);
-                exact
-                    .iter()
-                    .zip(&most)
-                    .zip(&direct.peak)
-                    .any(|((x, most), peak)| *x > most + ROUNDING * peak)
+    values::random_places(scene, n_points, &|_| true)
+        .iter()
+        .any(|place| {
+            let exact = values::exact(&light, place, &mut scratch);
+            match failure {
+                ValueFailure::Negative => exact.iter().any(is_wrong),
+                ValueFailure::AboveUnoccluded => {
+                    let most = unoccluded(&evaluator, place, &mut scratch);
+                    exact
+                        .iter()
+                        .zip(&most)
+                        .zip(&direct.peak)
+                        .any(|((x, most), peak)| *x > most + ROUNDING * peak)
+                }
+                ValueFailure::AboveTolerance => {
+                    let Some(on_mesh) = values::on_mesh(direct, place) else {
+                        return false;
+                    };
+                    exact
+                        .iter()
+                        .zip(&on_mesh)
+                        .zip(&direct.peak)
+                        .any(|((x, y), peak)| {
+                            let allowed = match tolerance {
+                                Tolerance::Relative(t) => t * peak,
+                                Tolerance::Absolute(t) => t,
+                            };
+                            (x - y).abs() > allowed
+                        })
+                }
+                ValueFailure::Check => false,
             }
-            ValueFailure::AboveTolerance => {
-                let Some(on_mesh) = values::on_mesh(direct, place) else {
-                    return false;
-                };
-                exact
-                    .iter()
-                    .zip(&on_mesh)
-                    .zip(&direct.peak)
-                    .any(|((x, y), peak)| {
-                        let allowed = match tolerance {
-                            Tolerance::Relative(t) => t * peak,
-                            Tolerance::Absolute(t) => t,
-                        };
-                        (x - y).abs() > allowed
-                    })
-            }
-            ValueFailure::Check => false,
-        }
-    })
+        })
 }
 
 /// Irradiance per band without any occluders.
@@ -386,45 +387,4 @@ fn unoccluded(evaluator: &Evaluator<'_>, place: &Place, scratch: &mut Scratch) -
         }
     }
     bands
-}
-
-/// The same places for the same scene: on all faces, by area.
-fn random_places(scene: &Scene, n: u32) -> Vec<Place> {
-    let mut state = 0x9e37_79b9_7f4a_7c15u64;
-    let mut uniform = || {
-        // SplitMix64 (Steele, Lea & Flood 2014).
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    };
-    // Triangles of the convex pieces, with the areas up to them.
-    let mut triangles: Vec<(f64, antumbra::scene::FaceId, [DVec3; 3])> = Vec::new();
-    let mut area = 0.0;
-    for piece in &scene.pieces {
-        let corners = scene.positions(&piece.vertices);
-        for k in 1..corners.len().saturating_sub(1) {
-            let [a, b, c] = [corners[0], corners[k], corners[k + 1]];
-            area += (b - a).cross(c - a).length() / 2.0;
-            triangles.push((area, piece.face, [a, b, c]));
-        }
-    }
-    (0..n)
-        .filter_map(|_| {
-            let at = uniform() * area;
-            let k = triangles.partition_point(|t| t.0 < at);
-            let (_, face, [a, b, c]) = triangles.get(k)?;
-            let (u, v) = (uniform(), uniform());
-            let (u, v) = if u + v > 1.0 {
-                (1.0 - u, 1.0 - v)
-            } else {
-                (u, v)
-            };
-            Some(Place {
-                face: *face,
-                point: *a + (*b - *a) * u + (*c - *a) * v,
-            })
-        })
-        .collect()
 }

@@ -6,8 +6,8 @@ use crate::plan;
 use crate::progress::peak_memory;
 use antumbra::io::model::MeshedScene;
 use antumbra::{
-    DirectSolution, Ended, EventCounts, EventKind, Phase, Plan, Progress, RadiositySolution,
-    Reached, ReceiverCurves, Scene, Tolerance, order_key,
+    DirectSolution, Ended, EventCounts, EventKind, Improvement, Phase, Plan, Progress,
+    RadiositySolution, Reached, ReceiverCurves, Scene, Tolerance, order_key,
 };
 use serde_json::{Map, Value, json};
 
@@ -17,6 +17,7 @@ pub(crate) struct Outcome<'a> {
     pub(crate) curves: &'a [ReceiverCurves],
     pub(crate) events: &'a EventCounts,
     pub(crate) plan: &'a Plan,
+    pub(crate) improvements: &'a [Improvement],
     pub(crate) radiosity: Option<&'a RadiositySolution>,
 }
 
@@ -92,6 +93,7 @@ pub(crate) fn document(
             "inserted": counts(&result.events.inserted),
         },
         "effects": plan::effects(result.plan),
+        "after": result.improvements.iter().map(improvement).collect::<Vec<_>>(),
         "per_surface": per_surface(scene, result),
         "seconds": seconds,
         "peak_memory_bytes": peak_memory(),
@@ -154,6 +156,17 @@ pub(crate) fn document(
         object.insert("row_sums".into(), json!(sums));
     }
     document
+}
+
+fn improvement(step: &Improvement) -> Value {
+    json!({
+        "step": step.step.key(),
+        "surfaces_improved": step.n_improved,
+        "surfaces_taken_back": step.n_taken_back,
+        "max_error": step.max_error,
+        "rms_error": step.rms_error,
+        "reason": step.reason,
+    })
 }
 
 /// An error that was measured, unless there was nothing to measure it on.

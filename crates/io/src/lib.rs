@@ -12,6 +12,7 @@ pub mod rad;
 mod read_error;
 pub mod scene_file;
 pub mod stl;
+pub mod study;
 mod subtract;
 pub mod vs3;
 pub mod write;

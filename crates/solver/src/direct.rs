@@ -195,7 +195,7 @@ impl DirectMeshes {
         self.fields.par_iter().map(|f| f.levels(&allowed)).collect()
     }
 
-    fn gather_peak(&mut self, light: &dyn Light) {
+    pub(crate) fn gather_peak(&mut self, light: &dyn Light) {
         self.rounding = light.rounding();
         for field in &self.fields {
             for (band, value) in self.peak.iter_mut().zip(&field.peak) {
@@ -240,7 +240,7 @@ impl DirectMeshes {
     /// What errors in each band are relative to: the peak, but no less than a thousand
     /// times what may be rounding. In a scene where all light is rounding, what leaks
     /// into a box by 1e-16 is nothing to be resolved.
-    fn scale(&self) -> Vec<f64> {
+    pub(crate) fn scale(&self) -> Vec<f64> {
         let least = 1e3 * self.rounding;
         self.peak
             .iter()

@@ -1,5 +1,7 @@
 //! A receiver's mesh with exact values at its nodes, while it grows and when it is done.
 
+pub(crate) mod posterior;
+
 use crate::basis::{MOST_NODES, lattice, n_nodes, values};
 use antumbra_geom::{Chart, Stop};
 use antumbra_mesh::{
@@ -937,7 +939,7 @@ impl Field {
     }
 
     /// Is there nothing to be gained from refining an element?
-    fn is_at_resolution(&self, t: usize) -> bool {
+    pub(crate) fn is_at_resolution(&self, t: usize) -> bool {
         let resolution = if self.is_singular[t] {
             RESOLUTION
         } else {

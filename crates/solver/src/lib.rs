@@ -5,12 +5,14 @@ mod direct;
 mod factors;
 mod field;
 mod limits;
+mod posterior;
 mod radiosity;
 
 pub use direct::{DirectMeshes, DirectOptions, DirectSolution, Ended, Tolerance};
 pub use factors::{FactorOptions, FormFactors, NotClosed, Reciprocity, Repair, form_factors};
 pub use field::{KINK_D1, KINK_D2, Light, Postponed, Progress, Receiver, ReceiverMesh, Sample};
 pub use limits::Limits;
+pub use posterior::{AfterStep, Improvement};
 pub use radiosity::{
     Power, RadiosityOptions, RadiositySolution, Reached, RowSums, solve_radiosity,
 };

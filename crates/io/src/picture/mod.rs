@@ -12,11 +12,13 @@
 
 mod canvas;
 mod colormap;
+mod drawing;
 mod font;
 mod raster;
 mod view;
 
 pub use colormap::{ColorMap, Scale};
+pub(crate) use drawing::Drawing;
 pub use view::{Band, PictureOptions, Side, View};
 pub(crate) use view::{band_values, chart_axes};
 

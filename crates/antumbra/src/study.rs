@@ -1,0 +1,631 @@
+//! What accuracy costs in time: every mesh generator at every degree over a ladder of
+//! settings, its error measured at points that no mesh used.
+//!
+//! The library reads no clock: who runs a study brings one ([`Meter`]).
+
+mod maps;
+mod rival;
+
+use crate::light::ExactLight;
+use crate::pipeline::{Control, Error, Phase};
+use crate::values::{self, Place};
+use antumbra_geom::{DVec2, Stop};
+use antumbra_io::study::{
+    Errors, Quality, Run, Series, Spread, Study, observed_order, pareto_front,
+};
+use antumbra_mesh::shape_quality;
+use antumbra_scene::{FaceId, Scene};
+use antumbra_solver::DirectSolution;
+use antumbra_visibility::{Evaluator, Scratch};
+use rayon::prelude::*;
+
+/// What a study is asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StudyOptions {
+    /// Degrees of the elements, 1 to 4.
+    pub degrees: Vec<u8>,
+    /// The keys of the mesh generators; see [`crate::Mesher`].
+    pub meshers: Vec<crate::Mesher>,
+    /// Tolerances of those that are driven by one, descending.
+    pub tolerances: Vec<f64>,
+    /// The error that the advice is for, relative to the peak.
+    pub target: f64,
+    /// Points of reference.
+    pub n_points: u32,
+    /// How often each run is repeated; long ones are run once.
+    pub repeats: usize,
+    /// Seconds for everything.
+    pub budget: f64,
+    /// Pixels of an error map along its longer side.
+    pub map_pixels: usize,
+}
+
+impl Default for StudyOptions {
+    fn default() -> Self {
+        Self {
+            degrees: vec![1, 2, 3, 4],
+            meshers: crate::Mesher::ALL.to_vec(),
+            tolerances: vec![
+                1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6,
+            ],
+            target: 1e-3,
+            n_points: 10_000,
+            repeats: 3,
+            budget: 180.0,
+            map_pixels: 160,
+        }
+    }
+}
+
+/// Who tells the time and the memory.
+pub struct Meter<'a> {
+    /// Seconds since any fixed moment.
+    pub clock: &'a (dyn Fn() -> f64 + Sync),
+    /// Bytes that this process takes now, and the most that it took since this was asked
+    /// last; zeros where the system does not tell.
+    pub memory: &'a (dyn Fn() -> [u64; 2] + Sync),
+}
+
+impl std::fmt::Debug for Meter<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Meter")
+    }
+}
+
+/// A finished mesh, as a study looks at it.
+pub trait Sampled: Sync {
+    /// Elements of all receivers.
+    fn n_elements(&self) -> usize;
+    /// Nodes of all receivers.
+    fn n_nodes(&self) -> usize;
+    /// Exact evaluations: nodes and check points.
+    fn n_evaluations(&self) -> u64;
+    /// What it says is its largest error, relative to its peak.
+    fn claimed_error(&self) -> f64;
+    /// Irradiance per band at a place, if an element is there.
+    fn at(&self, place: &Place) -> Option<Vec<f64>>;
+    /// Calls `visit` for every element with its corners, counter-clockwise in the chart of
+    /// its face.
+    fn for_each_element(&self, visit: &mut dyn FnMut(FaceId, &[DVec2]));
+    /// Vertices inside an edge of a neighbour.
+    fn n_t_vertices(&self) -> usize {
+        0
+    }
+}
+
+impl Sampled for DirectSolution {
+    fn n_elements(&self) -> usize {
+        self.receivers.iter().map(|r| r.n_elements()).sum()
+    }
+
+    fn n_nodes(&self) -> usize {
+        self.receivers.iter().map(|r| r.nodes.len()).sum()
+    }
+
+    fn n_evaluations(&self) -> u64 {
+        self.receivers.iter().map(|r| r.exact_evaluations).sum()
+    }
+
+    fn claimed_error(&self) -> f64 {
+        self.measured_max_error
+    }
+
+    fn at(&self, place: &Place) -> Option<Vec<f64>> {
+        values::on_mesh(self, place)
+    }
+
+    fn for_each_element(&self, visit: &mut dyn FnMut(FaceId, &[DVec2])) {
+        for receiver in &self.receivers {
+            for t in 0..receiver.n_elements() as u32 {
+                visit(receiver.face, &receiver.mesh.corners(t));
+            }
+        }
+    }
+}
+
+/// Exact values at places of reference.
+#[derive(Debug)]
+pub(crate) struct Reference {
+    places: Vec<Place>,
+    /// Bands of every place.
+    values: Vec<f64>,
+    /// Is some of the light hidden there, and some not?
+    is_penumbra: Vec<bool>,
+    /// Per band.
+    peak: Vec<f64>,
+    /// Seconds an evaluation, all threads at work.
+    seconds: f64,
+}
+
+/// Light that is hidden to less than this share is not.
+const HIDDEN: f64 = 1e-9;
+
+impl Reference {
+    fn new(
+        evaluator: &Evaluator<'_>,
+        light: &ExactLight<'_, '_>,
+        n: u32,
+        meter: &Meter<'_>,
+    ) -> Self {
+        let scene = evaluator.scene();
+        let lit = |face| light.view(face).sees_any_emitter();
+        let places = values::random_places(scene, n, &lit);
+        let start = (meter.clock)();
+        let n_emitters = evaluator.emitters().len();
+        let found: Vec<(Vec<f64>, bool)> = places
+            .par_iter()
+            .map_init(
+                || (Scratch::default(), vec![0.0; n_emitters]),
+                |(scratch, factors), place| {
+                    let view = light.view(place.face);
+                    evaluator.factors(view, place.point, None, scratch, factors);
+                    let seen: f64 = factors.iter().sum();
+                    let all = scratch.unoccluded;
+                    let is_penumbra = seen > HIDDEN * all && seen < (1.0 - HIDDEN) * all;
+                    (evaluator.weigh(factors), is_penumbra)
+                },
+            )
+            .collect();
+        let seconds = ((meter.clock)() - start) / places.len().max(1) as f64;
+        let n_bands = scene.n_bands;
+        let values: Vec<f64> = found.iter().flat_map(|f| f.0.iter().copied()).collect();
+        let mut peak = vec![0.0f64; n_bands];
+        for bands in values.chunks_exact(n_bands.max(1)) {
+            for (peak, &v) in peak.iter_mut().zip(bands) {
+                *peak = peak.max(v);
+            }
+        }
+        Self {
+            places,
+            values,
+            is_penumbra: found.iter().map(|f| f.1).collect(),
+            peak,
+            seconds,
+        }
+    }
+
+    /// The error at every place, of the worst band, relative to its peak. A place in no
+    /// element errs by all that it lacks.
+    fn errors_of(&self, mesh: &dyn Sampled) -> Vec<f64> {
+        let n_bands = self.peak.len().max(1);
+        self.places
+            .par_iter()
+            .zip(self.values.par_chunks(n_bands))
+            .map(|(place, exact)| {
+                let found = mesh.at(place);
+                worst_band(found.as_deref(), exact, &self.peak)
+            })
+            .collect()
+    }
+
+    fn summarise(&self, errors: &[f64]) -> Errors {
+        let sum = |is_wanted: &dyn Fn(usize) -> bool| {
+            let (mut max, mut square, mut n) = (0.0f64, 0.0, 0usize);
+            for (i, &e) in errors.iter().enumerate().filter(|(i, _)| is_wanted(*i)) {
+                debug_assert!(e.is_finite(), "the error at place {i} is {e}");
+                max = max.max(e);
+                square += e * e;
+                n += 1;
+            }
+            (max, (square / n.max(1) as f64).sqrt())
+        };
+        let (max, rms) = sum(&|_| true);
+        let (penumbra_max, penumbra_rms) = sum(&|i| self.is_penumbra[i]);
+        Errors {
+            max,
+            rms,
+            penumbra_max,
+            penumbra_rms,
+        }
+    }
+}
+
+/// The difference of the worst band, relative to its peak.
+fn worst_band(found: Option<&[f64]>, exact: &[f64], peak: &[f64]) -> f64 {
+    exact
+        .iter()
+        .zip(peak)
+        .enumerate()
+        .filter(|(_, (_, peak))| **peak > 0.0)
+        .map(|(band, (exact, peak))| {
+            let value = found.map_or(0.0, |f| f[band]);
+            (value - exact).abs() / peak
+        })
+        .fold(0.0, f64::max)
+}
+
+/// Makes a mesh, or nothing if the setting is out of its reach.
+type Make<'a> = Box<dyn Fn(&Control<'_>) -> Result<Option<Box<dyn Sampled>>, Error> + 'a>;
+
+/// A series under way.
+struct Runner<'a> {
+    series: Series,
+    /// What is asked for, and who makes it; coarse first.
+    ladder: std::vec::IntoIter<(String, Make<'a>)>,
+    /// Seconds spent.
+    spent: f64,
+    /// The maps of its runs.
+    maps: Vec<maps::RunMap>,
+}
+
+/// Elements that no run needs more of.
+pub(crate) const MOST_ELEMENTS: usize = 2_000_000;
+
+/// Runs that err by less have reached what coordinates can carry.
+const FLOOR: f64 = 1e-11;
+
+/// Runs that take longer than this share of the budget are not repeated.
+const SHORT: f64 = 1.0 / 200.0;
+
+/// A run takes about so many times as long as the one before it, at least.
+const GROWTH: f64 = 2.0;
+
+impl Runner<'_> {
+    /// The next run; whether there may be another.
+    fn step(
+        &mut self,
+        study: &Setting<'_>,
+        share: f64,
+        control: &Control<'_>,
+    ) -> Result<bool, Error> {
+        let Some((setting, make)) = self.ladder.next() else {
+            "the ladder has no further step".clone_into(&mut self.series.ended);
+            return Ok(false);
+        };
+        let meter = study.meter;
+        let mut times = Vec::new();
+        let mut mesh = None;
+        let mut memory = 0;
+        for repeat in 0..study.options.repeats.max(1) {
+            // Freed before it is made again, so that memory counts one.
+            drop(mesh.take());
+            let [before, _] = (meter.memory)();
+            let start = (meter.clock)();
+            mesh = make(control)?;
+            let took = (meter.clock)() - start;
+            let [_, most] = (meter.memory)();
+            times.push(took);
+            if repeat == 0 {
+                memory = most.saturating_sub(before);
+            }
+            if took > SHORT * study.options.budget || (control.should_stop)() {
+                break;
+            }
+        }
+        self.spent += times.iter().sum::<f64>();
+        let Some(mesh) = mesh else {
+            "finer settings are out of its reach".clone_into(&mut self.series.ended);
+            return Ok(false);
+        };
+        if (control.should_stop)() {
+            "the study was stopped".clone_into(&mut self.series.ended);
+            return Ok(false);
+        }
+        let errors = study.reference.errors_of(mesh.as_ref());
+        let error = study.reference.summarise(&errors);
+        self.maps.push(study.canvas.map(mesh.as_ref()));
+        let last = times.iter().copied().fold(f64::INFINITY, f64::min);
+        self.series.runs.push(Run {
+            setting,
+            elements: mesh.n_elements(),
+            nodes: mesh.n_nodes(),
+            exact_evaluations: mesh.n_evaluations(),
+            seconds: Spread::of(&times),
+            memory_bytes: memory,
+            error,
+            claimed_error: finite(mesh.claimed_error()),
+            on_front: false,
+            quality: quality(study.scene, mesh.as_ref()),
+        });
+        let expected = GROWTH * last;
+        self.series.ended = if error.max <= FLOOR {
+            "the error is that of rounding".into()
+        } else if mesh.n_elements() > MOST_ELEMENTS / 2 {
+            format!("{} elements are enough", mesh.n_elements())
+        } else if self.spent + expected > share {
+            format!("the next step would take more than its share of the time ({share:.1} s)")
+        } else {
+            return Ok(true);
+        };
+        Ok(false)
+    }
+}
+
+fn finite(x: f64) -> f64 {
+    if x.is_finite() { x } else { 0.0 }
+}
+
+/// What all runs of a study share.
+struct Setting<'a> {
+    scene: &'a Scene,
+    options: &'a StudyOptions,
+    reference: &'a Reference,
+    canvas: &'a maps::Canvas,
+    meter: &'a Meter<'a>,
+}
+
+/// Runs a study of direct irradiance.
+///
+/// Every generator and degree gets the same share of the time; what it does not need goes
+/// to no other, so that series compare. Fields of the result that the library cannot know
+/// are empty: title, command, machine.
+///
+/// # Errors
+///
+/// [`Error`] if a face cannot be triangulated.
+pub fn study(
+    scene: &Scene,
+    options: &StudyOptions,
+    meter: &Meter<'_>,
+    control: &Control<'_>,
+) -> Result<Study, Error> {
+    (control.progress)(Phase::Study, 0.0);
+    let evaluator = Evaluator::new(scene);
+    let light = ExactLight::new_until(&evaluator, Stop::new(control.should_stop));
+    let reference = Reference::new(&evaluator, &light, options.n_points, meter);
+    let canvas = maps::Canvas::new(&light, scene, &reference, options.map_pixels);
+    let setting = Setting {
+        scene,
+        options,
+        reference: &reference,
+        canvas: &canvas,
+        meter,
+    };
+    let mut runners = rival::runners(scene, options);
+    let start = (meter.clock)();
+    let share = options.budget / runners.len().max(1) as f64;
+    let mut is_going = vec![true; runners.len()];
+    // All coarse runs before all finer ones: a study that is stopped has all series.
+    while is_going.iter().any(|&g| g) && !(control.should_stop)() {
+        for (k, runner) in runners.iter_mut().enumerate() {
+            if !is_going[k] || (control.should_stop)() {
+                continue;
+            }
+            is_going[k] = runner.step(&setting, share, &quiet(control))?;
+            let done = runners_done(&is_going);
+            let spent = ((meter.clock)() - start) / options.budget;
+            (control.progress)(Phase::Study, done.max(spent.min(1.0)) * MESHING);
+        }
+    }
+    let runs_seconds = (meter.clock)() - start;
+    let mut study = Study {
+        target: options.target,
+        quantity: "direct irradiance".into(),
+        unit: scene.quantity.irradiance_unit().into(),
+        version: env!("CARGO_PKG_VERSION").into(),
+        peak: reference.peak.iter().copied().fold(0.0, f64::max),
+        n_points: reference.places.len(),
+        n_penumbra: reference.is_penumbra.iter().filter(|&&p| p).count(),
+        reference_uncertainty: ROUNDING,
+        exact_seconds: reference.seconds,
+        ..Study::default()
+    };
+    let maps: Vec<Vec<maps::RunMap>> = runners
+        .iter_mut()
+        .map(|r| std::mem::take(&mut r.maps))
+        .collect();
+    study.series = runners.into_iter().map(|r| r.series).collect();
+    study.estimators = rival::effectivities(scene, options, &light, control)?;
+    (control.progress)(Phase::Study, f64::midpoint(MESHING, 1.0));
+    study.steps = rival::steps(scene, options, &reference, control)?;
+    mark_front(&mut study);
+    for series in &mut study.series {
+        let of = |error: fn(&Run) -> f64| -> Vec<(usize, f64)> {
+            series.runs.iter().map(|r| (r.elements, error(r))).collect()
+        };
+        series.order_rms = observed_order(&of(|r| r.error.rms), FLOOR);
+        series.order_max = observed_order(&of(|r| r.error.max), FLOOR);
+    }
+    study.maps = canvas.groups(&study, &maps);
+    study.advice = advice(&study);
+    study.notes = notes(
+        &study,
+        options,
+        share,
+        runs_seconds,
+        (control.should_stop)(),
+    );
+    (control.progress)(Phase::Study, 1.0);
+    Ok(study)
+}
+
+/// What exact values may be off by, relative to the peak (`docs/numerics.md`).
+const ROUNDING: f64 = 1e-13;
+
+/// The share of a study that making meshes is.
+const MESHING: f64 = 0.9;
+
+fn runners_done(is_going: &[bool]) -> f64 {
+    let n_done = is_going.iter().filter(|g| !**g).count();
+    n_done as f64 / is_going.len().max(1) as f64
+}
+
+/// The same control, but for the progress of single runs, which nobody wants to see.
+fn quiet<'a>(control: &Control<'a>) -> Control<'a> {
+    Control {
+        progress: &|_, _| {},
+        should_stop: control.should_stop,
+        must_stop: control.must_stop,
+        has_room: control.has_room,
+    }
+}
+
+fn mark_front(study: &mut Study) {
+    let all: Vec<(f64, f64)> = study
+        .series
+        .iter()
+        .flat_map(|s| &s.runs)
+        .map(|r| (r.seconds.median, r.error.rms))
+        .collect();
+    let front = pareto_front(&all);
+    let runs = study.series.iter_mut().flat_map(|s| &mut s.runs);
+    for (run, on_front) in runs.zip(front) {
+        run.on_front = on_front;
+    }
+}
+
+/// Shapes of all elements.
+fn quality(scene: &Scene, mesh: &dyn Sampled) -> Quality {
+    let mut ratios = Vec::new();
+    let mut quality = Quality {
+        smallest_angle: 180.0,
+        t_vertices: mesh.n_t_vertices(),
+        ..Quality::default()
+    };
+    mesh.for_each_element(&mut |_, corners| {
+        let ratio = match corners {
+            &[a, b, c] => shape_quality([a, b, c]),
+            _ => quadrilateral_quality(corners),
+        };
+        ratios.push(ratio);
+        let n = corners.len();
+        for k in 0..n {
+            let [a, b, c] = [corners[(k + n - 1) % n], corners[k], corners[(k + 1) % n]];
+            let (p, q) = (c - b, a - b);
+            let angle = p.perp_dot(q).atan2(p.dot(q)).to_degrees();
+            quality.smallest_angle = quality.smallest_angle.min(angle);
+        }
+        quality.histogram[((10.0 * ratio) as usize).min(9)] += 1;
+    });
+    ratios.sort_by(f64::total_cmp);
+    quality.min = ratios.first().copied().unwrap_or(0.0);
+    quality.median = ratios.get(ratios.len() / 2).copied().unwrap_or(0.0);
+    let area: f64 = scene.face_ids().map(|f| scene.face(f).area).sum();
+    quality.density = ratios.len() as f64 / scene.frame.area_to_file(area);
+    quality
+}
+
+/// The worst of the four triangles at its corners, relative to those of a square.
+fn quadrilateral_quality(corners: &[DVec2]) -> f64 {
+    let n = corners.len();
+    let of_square = 2.0 * (std::f64::consts::SQRT_2 - 1.0);
+    (0..n)
+        .map(|k| shape_quality([corners[k], corners[(k + 1) % n], corners[(k + n - 1) % n]]))
+        .fold(1.0, |least, q| f64::min(least, q / of_square))
+}
+
+/// What to choose, and how much the next best costs.
+fn advice(study: &Study) -> String {
+    let target = study.target;
+    if study.peak <= 0.0 {
+        return "No light reaches any surface of this scene: every mesh is exact.".into();
+    }
+    // The cheapest run of every series that is good enough.
+    let mut best: Vec<(&Series, &Run)> = study
+        .series
+        .iter()
+        .filter_map(|s| {
+            s.runs
+                .iter()
+                .filter(|r| r.error.max <= target)
+                .min_by(|a, b| a.seconds.median.total_cmp(&b.seconds.median))
+                .map(|r| (s, r))
+        })
+        .collect();
+    best.sort_by(|a, b| a.1.seconds.median.total_cmp(&b.1.seconds.median));
+    let Some(&(series, run)) = best.first() else {
+        let closest = study
+            .series
+            .iter()
+            .flat_map(|s| s.runs.iter().map(move |r| (s, r)))
+            .min_by(|a, b| a.1.error.max.total_cmp(&b.1.error.max));
+        return match closest {
+            Some((s, r)) => format!(
+                "Within the time of this study nothing came within {target:e} of the peak \
+                 everywhere; `--mesher {} --degree {}` came closest, with {:.1e} ({}).",
+                s.mesher, s.degree, r.error.max, r.setting
+            ),
+            None => "Nothing was measured.".into(),
+        };
+    };
+    let mut words = format!(
+        "For errors of at most {target:e} of the peak take `--mesher {} --degree {}` ({}): \
+         {} elements, {} exact evaluations, {}",
+        series.mesher,
+        series.degree,
+        run.setting,
+        run.elements,
+        run.exact_evaluations,
+        duration(run.seconds.median),
+    );
+    let other = best.iter().find(|(s, _)| s.mesher != series.mesher);
+    match other {
+        Some((s, r)) => {
+            words.push_str(&format!(
+                "; the best other generator, {} at degree {}, takes {:.1} times as long and {:.1} times the evaluations.",
+                s.mesher,
+                s.degree,
+                r.seconds.median / run.seconds.median,
+                r.exact_evaluations as f64 / run.exact_evaluations.max(1) as f64
+            ));
+        }
+        None => words.push_str("; no other generator came that close in its time."),
+    }
+    let ours = best.iter().find(|(s, _)| s.mesher == "discontinuity");
+    if series.mesher != "discontinuity" {
+        match ours {
+            Some((s, r)) => words.push_str(&format!(
+                " The discontinuity mesh (degree {}) takes {:.1} times as long here: {}.",
+                s.degree,
+                r.seconds.median / run.seconds.median,
+                if r.exact_evaluations < run.exact_evaluations {
+                    "it saves evaluations, but finding the curves takes longer than they do"
+                } else {
+                    "its lines cost more elements than they save at this tolerance"
+                }
+            )),
+            None => words.push_str(" The discontinuity mesh did not come that close."),
+        }
+    }
+    let alone = run.seconds.median / study.exact_seconds.max(1e-300);
+    words.push_str(&format!(
+        " Who needs the values at fewer than {} points needs no mesh: `probe --exact` is faster.",
+        round_to_two(alone)
+    ));
+    words
+}
+
+fn duration(seconds: f64) -> String {
+    if seconds < 1.0 {
+        format!("{:.1} ms", 1e3 * seconds)
+    } else {
+        format!("{seconds:.2} s")
+    }
+}
+
+/// Two digits are all that is known.
+fn round_to_two(x: f64) -> f64 {
+    if x < 1.0 {
+        return 1.0;
+    }
+    let unit = 10f64.powi((x.log10().floor() as i32 - 1).max(0));
+    (x / unit).round() * unit
+}
+
+fn notes(
+    study: &Study,
+    options: &StudyOptions,
+    share: f64,
+    seconds: f64,
+    is_stopped: bool,
+) -> Vec<String> {
+    let mut notes = vec![
+        format!(
+            "Every generator and degree had {share:.1} s; all runs together took {seconds:.0} s. Runs of more than {:.2} s were made once, the others {} times.",
+            SHORT * options.budget,
+            options.repeats
+        ),
+        "Times are those of the whole job from the scene: preparation, events, mesh, exact values, check points. They do not include the comparison.".into(),
+        "Memory is what the process took at most during the first run of a setting, above what it had before; what the allocator kept from earlier runs is not counted again.".into(),
+        "Places on no element err by their whole value.".into(),
+    ];
+    if study.n_penumbra == 0 {
+        notes.push(
+            "At no point of reference is light hidden in part: errors in penumbras are 0.".into(),
+        );
+    }
+    if is_stopped {
+        notes.push("The study was stopped before its end.".into());
+    }
+    notes
+}

@@ -1,0 +1,138 @@
+//! `antumbra study`.
+
+use crate::Ending;
+use crate::args::Study as Arguments;
+use crate::failure::Failure;
+use crate::input;
+use crate::output;
+use crate::progress::{Watch, most_memory_since};
+use crate::say::say;
+use antumbra::io::study::Study;
+use antumbra::{Meter, StudyOptions};
+use std::time::Instant;
+
+/// Seconds without `--budget`: with pictures and comparisons it stays below five minutes.
+const USUAL_BUDGET: f64 = 180.0;
+
+/// The share of the time that goes into runs: comparing them takes the rest.
+const SHARE_OF_RUNS: f64 = 0.7;
+
+pub(crate) fn run(args: &Arguments) -> Result<Ending, Failure> {
+    let common = &args.common;
+    if args.output.is_empty() && !common.json {
+        return Err(Failure::usage("nothing to write: give -o OUT or --json"));
+    }
+    let formats = output::formats(&args.output, &output::STUDIES)?;
+    let loaded = input::load(common)?;
+    let watch = Watch::new(common);
+    let options = StudyOptions {
+        degrees: args.degrees.clone(),
+        meshers: args.meshers.clone(),
+        target: args.tolerance,
+        n_points: args.points,
+        repeats: args.repeats,
+        budget: SHARE_OF_RUNS * args.limits.budget.unwrap_or(USUAL_BUDGET),
+        ..StudyOptions::default()
+    };
+    let started = Instant::now();
+    let meter = Meter {
+        clock: &|| started.elapsed().as_secs_f64(),
+        memory: &most_memory_since,
+    };
+    let found = watch.run(|control| antumbra::study(&loaded.scene, &options, &meter, control));
+    let mut study = found.map_err(|error| Failure::internal(error.to_string()))?;
+    watch.finish();
+    study.title = title(args);
+    study.command = command();
+    study.machine = machine();
+    for note in &loaded.notes {
+        study.notes.push(note.clone());
+    }
+    for (path, format) in args.output.iter().zip(formats) {
+        output::write_study(path, format, &study)?;
+    }
+    if common.json {
+        let mut document = Vec::new();
+        antumbra::io::study::write_json(&study, &mut document)
+            .map_err(|e| Failure::internal(e.to_string()))?;
+        say!("{}", String::from_utf8_lossy(&document).trim_end());
+    } else if !common.quiet {
+        say!("{}", summary(&study));
+        for path in &args.output {
+            say!("wrote {}", path.display());
+        }
+    }
+    Ok(if watch.should_stop() {
+        watch.stopped().0
+    } else {
+        Ending::Done
+    })
+}
+
+fn title(args: &Arguments) -> String {
+    let stem = args.common.scene.file_stem();
+    stem.map_or_else(String::new, |s| s.to_string_lossy().into_owned())
+}
+
+/// The command as it was given, without the folder of the program.
+fn command() -> String {
+    let mut words: Vec<String> = std::env::args().collect();
+    if let Some(first) = words.first_mut() {
+        "antumbra".clone_into(first);
+    }
+    let quoted = words.into_iter().map(|w| {
+        if w.contains([' ', '\'', '"', '$', '*', '|', '&', ';', '(', ')']) {
+            format!("'{}'", w.replace('\'', "'\\''"))
+        } else {
+            w
+        }
+    });
+    quoted.collect::<Vec<_>>().join(" ")
+}
+
+/// Processor, cores and system, as far as the system tells.
+fn machine() -> String {
+    let table = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = table
+        .lines()
+        .find_map(|l| l.strip_prefix("model name"))
+        .and_then(|l| l.split_once(':'))
+        .map_or("unknown processor", |(_, name)| name.trim());
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    format!(
+        "{model}, {cores} processors, {} threads, {} {}",
+        rayon::current_num_threads(),
+        std::env::consts::OS,
+        std::env::consts::ARCH
+    )
+}
+
+/// The advice, and the best run of every series.
+fn summary(study: &Study) -> String {
+    let mut text = format!("{}\n\n", study.advice);
+    text.push_str(
+        "mesher         degree   order  cheapest within the target: elements  evaluations   seconds\n",
+    );
+    for series in &study.series {
+        let order = series
+            .order_rms
+            .map_or_else(|| "–".to_owned(), |o| format!("{o:.2}"));
+        let good = series.runs.iter().filter(|r| r.error.max <= study.target);
+        let cheapest = good.min_by(|a, b| a.seconds.median.total_cmp(&b.seconds.median));
+        let cost = match cheapest {
+            Some(r) => format!(
+                "{:>36} {:>12} {:>9.4}",
+                r.elements, r.exact_evaluations, r.seconds.median
+            ),
+            None => {
+                let errors = series.runs.iter().map(|r| r.error.max);
+                format!("none, at best {:.1e}", errors.fold(f64::INFINITY, f64::min))
+            }
+        };
+        text.push_str(&format!(
+            "{:<14} {:>6} {order:>7}  {cost}\n",
+            series.mesher, series.degree
+        ));
+    }
+    text.trim_end().to_owned()
+}
