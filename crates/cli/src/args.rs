@@ -130,7 +130,7 @@ pub(crate) struct Meshing {
     #[arg(long, value_name = "NAME", default_value = "discontinuity")]
     pub(crate) mesher: Mesher,
     /// Steps after meshing, one after the other: a list of relocate (nodes move to where
-    /// elements err most), split, elevate (the degree rises). A step that does not lower the
+    /// elements err most), split, elevate (the degree rises), halve (all elements). A step that does not lower the
     /// measured error on a surface is taken back there.
     #[arg(long, value_name = "STEPS", value_parser = steps, default_value = "", hide_default_value = true)]
     pub(crate) then: Steps,

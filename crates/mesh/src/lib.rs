@@ -12,6 +12,7 @@ mod bisect;
 mod check;
 mod cut;
 mod grid;
+mod halve;
 mod lines;
 mod locate;
 mod nodes;

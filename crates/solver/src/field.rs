@@ -1250,6 +1250,17 @@ impl Field {
         parents
     }
 
+    /// Splits every element into four. Returns whether that was possible.
+    pub(crate) fn halve(&mut self) -> bool {
+        let before = self.mesh.triangles.clone();
+        let Some(parents) = self.mesh.halve() else {
+            return false;
+        };
+        let origins: Vec<Origins> = parents.iter().map(|&p| Origins::from_slice(&[p])).collect();
+        self.inherit(&before, &origins);
+        true
+    }
+
     /// After a change of the mesh: forgets what was known of elements that changed.
     fn inherit(&mut self, before: &[[u32; 3]], origins: &[Origins]) {
         let n = self.mesh.triangles.len();

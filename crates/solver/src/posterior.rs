@@ -18,11 +18,13 @@ pub enum AfterStep {
     Split,
     /// The degree of the elements rises by one (p-refinement).
     Elevate,
+    /// Every element is split into four of half its size (uniform h-refinement).
+    Halve,
 }
 
 impl AfterStep {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Relocate, Self::Split, Self::Elevate];
+    pub const ALL: [Self; 4] = [Self::Relocate, Self::Split, Self::Elevate, Self::Halve];
 
     /// Its name on the command line.
     #[must_use]
@@ -31,6 +33,7 @@ impl AfterStep {
             Self::Relocate => "relocate",
             Self::Split => "split",
             Self::Elevate => "elevate",
+            Self::Halve => "halve",
         }
     }
 
@@ -122,6 +125,7 @@ impl DirectMeshes {
                 AfterStep::Relocate => "no node is free to move, or no element errs",
                 AfterStep::Split => "no element errs that can be split",
                 AfterStep::Elevate => "the degree is the highest already",
+                AfterStep::Halve => "there are no elements in the light",
             })
         };
         Improvement {
@@ -191,6 +195,7 @@ impl Try<'_> {
                 true
             }),
             AfterStep::Elevate => self.attempt(field, Field::elevate),
+            AfterStep::Halve => self.attempt(field, Field::halve),
         }
     }
 
