@@ -42,12 +42,13 @@ pub mod values;
 
 pub use antumbra_geom as geom;
 pub use antumbra_io as io;
-pub use antumbra_mesh::Order;
+pub use antumbra_mesh::{Order, cells};
 pub use antumbra_scene::{self as scene, Problem, Scene, SceneInput, Severity};
 pub use antumbra_solver::{
     self as solver, AfterStep, DirectSolution, Ended, FactorOptions, FormFactors, Improvement,
     NotClosed, Power, Progress, RadiosityOptions, RadiositySolution, Reached, ReceiverMesh,
     Reciprocity, Repair, RowSums, Tolerance,
+    cells::{CellEnded, CellMeshes, CellReceiverMesh, CellSolution, DirectMesh, Estimator},
 };
 pub use antumbra_visibility::{
     self as visibility, CriticalCurve, Discontinuity, Evaluator, Event, EventKind, EventKinds,
@@ -55,7 +56,7 @@ pub use antumbra_visibility::{
 };
 pub use export::{export, export_factors, generators, mesh_order_key, order_key};
 pub use light::ExactLight;
-pub use mesher::Mesher;
+pub use mesher::{CellMeshed, CellOptions, CellSize, Mesher, cell_meshes, mesh_cells};
 pub use pipeline::{
     Control, Error, EventCounts, Events, MOST_STEPS, Meshed, Options, Phase, ReceiverCurves,
     Solved, factors, mesh, plan, solve,

@@ -1,29 +1,423 @@
-//! placeholder until the cells branch lands
-/// Mesh generators.
+//! The mesh generators, and how those that know nothing of shadows are set up.
+
+use crate::light::ExactLight;
+use crate::pipeline::{Control, Error, Phase, contact_radius, hot_spots};
+use antumbra_geom::{Chart, Stop};
+use antumbra_mesh::MeshError;
+use antumbra_mesh::cells::{CellForest, CellShape, Rule, graded, uniform};
+use antumbra_scene::{FaceId, Scene};
+use antumbra_solver::Tolerance;
+use antumbra_solver::cells::{
+    CellDirectOptions, CellGoal, CellMeshes, CellReceiver, CellRefinement, CellSolution, Estimator,
+};
+use antumbra_visibility::{Evaluator, EventKind, EventKinds, critical_curves_until};
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+/// How meshes are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mesher {
-    /// Ours.
+    /// Elements of one size everywhere; refined by halving the size of whole receivers.
+    Uniform,
+    /// Elements smaller near edges, contacts and emitters ([`CellOptions::grading`]);
+    /// refined by halving all sizes of a receiver.
+    Graded,
+    /// A quadtree with any number of T-vertices, at which irradiance has cracks.
+    Quadtree,
+    /// A quadtree whose neighbours differ by one level at most; continuous.
+    Restricted,
+    /// The same with T-vertices resolved by triangles (Baum et al. 1991).
+    TriQuadtree,
+    /// Substructuring (Cohen et al. 1986): elements out of tolerance are split; after a
+    /// solve, irradiance with interreflection is what is kept within it.
+    Adaptive,
+    /// Along the shadow boundaries: [`mesh`](crate::mesh()).
     Discontinuity,
-}
-impl Mesher {
-    /// All.
-    pub const ALL: [Self; 1] = [Self::Discontinuity];
-    /// Key.
-    #[must_use]
-    pub fn key(self) -> &'static str {
-        "discontinuity"
-    }
 }
 
 impl Mesher {
-    /// From key.
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::Uniform,
+        Self::Graded,
+        Self::Quadtree,
+        Self::Restricted,
+        Self::TriQuadtree,
+        Self::Adaptive,
+        Self::Discontinuity,
+    ];
+
+    /// The name in options and reports.
+    #[must_use]
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::Graded => "graded",
+            Self::Quadtree => "quadtree",
+            Self::Restricted => "restricted",
+            Self::TriQuadtree => "tri-quadtree",
+            Self::Adaptive => "adaptive",
+            Self::Discontinuity => "discontinuity",
+        }
+    }
+
+    /// The generator of this name.
     #[must_use]
     pub fn from_key(key: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|m| m.key() == key)
     }
 }
+
 impl std::fmt::Display for Mesher {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(self.key())
     }
+}
+
+/// How fine meshes of cells become.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CellSize {
+    /// As fine as the tolerance asks for.
+    Tolerance(Tolerance),
+    /// Elements of this size, in the unit of the file; graded meshes have it where they
+    /// are coarsest. Meshes that follow the error get as many elements as the uniform one
+    /// of this size has.
+    Length(f64),
+    /// About so many elements in all, on surfaces that light reaches.
+    Elements(usize),
+}
+
+/// How to mesh with cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CellOptions {
+    /// The generator; not [`Mesher::Discontinuity`], which has
+    /// [`Options`](crate::Options).
+    pub mesher: Mesher,
+    /// Triangles, quadrilaterals, or both. [`Mesher::TriQuadtree`] of quadrilaterals has
+    /// triangles too, where sizes change.
+    pub shape: CellShape,
+    /// Degree of the elements, 1 to 4; `None` chooses by the tolerance.
+    pub degree: Option<u8>,
+    /// How fine.
+    pub size: CellSize,
+    /// What refinement follows.
+    pub estimator: Estimator,
+    /// Elements are not made smaller than this fraction of their receiver's diagonal.
+    pub least_size: f64,
+    /// No more elements than this.
+    pub most_elements: usize,
+    /// Of graded meshes, the finest size relative to the coarsest, from 0 to 1.
+    ///
+    /// The size wanted at a distance d from the nearest edge of the receiver's border,
+    /// surface that touches it, or emitter, is `size · max(grading, min(1, d / r))`, with r
+    /// a quarter of the receiver's diagonal.
+    pub grading: f64,
+}
+
+impl Default for CellOptions {
+    fn default() -> Self {
+        Self {
+            mesher: Mesher::Adaptive,
+            shape: CellShape::Mixed,
+            degree: None,
+            size: CellSize::Tolerance(Tolerance::Relative(1e-3)),
+            estimator: Estimator::Measured,
+            least_size: 1.0 / 4096.0,
+            most_elements: 1_000_000,
+            grading: 0.125,
+        }
+    }
+}
+
+impl CellOptions {
+    /// The degree used: as for the discontinuity mesh.
+    #[must_use]
+    pub fn chosen_degree(&self) -> u8 {
+        let tolerance = match self.size {
+            CellSize::Tolerance(tolerance) => tolerance,
+            CellSize::Length(_) | CellSize::Elements(_) => Tolerance::Relative(1e-3),
+        };
+        crate::Options {
+            tolerance,
+            degree: self.degree,
+            ..crate::Options::default()
+        }
+        .chosen_degree()
+    }
+
+    fn refinement(&self) -> CellRefinement {
+        match self.mesher {
+            Mesher::Uniform | Mesher::Graded => CellRefinement::Whole,
+            _ => CellRefinement::Marked,
+        }
+    }
+
+    fn rule(&self) -> Rule {
+        match self.mesher {
+            Mesher::Quadtree => Rule::Plain,
+            Mesher::TriQuadtree => Rule::Triangulated,
+            _ => Rule::Restricted,
+        }
+    }
+}
+
+/// A scene meshed with cells.
+#[derive(Debug)]
+pub struct CellMeshed {
+    /// One mesh per face of the scene, in their order.
+    pub direct: CellSolution,
+    /// The generator.
+    pub mesher: Mesher,
+}
+
+/// Meshes a scene with cells, with exact direct irradiance at the nodes.
+///
+/// # Errors
+///
+/// [`Error`] if a face cannot be meshed.
+///
+/// # Panics
+///
+/// If the mesher is [`Mesher::Discontinuity`].
+pub fn mesh_cells(
+    scene: &Scene,
+    options: &CellOptions,
+    control: &Control<'_>,
+) -> Result<CellMeshed, Error> {
+    let evaluator = Evaluator::new(scene);
+    let light = ExactLight::new_until(&evaluator, control.stop());
+    Ok(CellMeshed {
+        direct: cell_meshes(&evaluator, &light, options, control)?.finish(),
+        mesher: options.mesher,
+    })
+}
+
+/// The same, unfinished: to be asked for estimates and true errors of its elements.
+///
+/// # Errors
+///
+/// [`Error`] if a face cannot be meshed.
+///
+/// # Panics
+///
+/// If the mesher is [`Mesher::Discontinuity`].
+pub fn cell_meshes(
+    evaluator: &Evaluator<'_>,
+    light: &ExactLight<'_, '_>,
+    options: &CellOptions,
+    control: &Control<'_>,
+) -> Result<CellMeshes, Error> {
+    assert!(
+        options.mesher != Mesher::Discontinuity,
+        "the discontinuity mesh has no cells"
+    );
+    (control.progress)(Phase::Arrangement, 0.0);
+    let scene = evaluator.scene();
+    let (size, goal) = start(scene, light, options);
+    let faces: Vec<FaceId> = scene.face_ids().collect();
+    let receivers: Vec<CellReceiver> = faces
+        .par_iter()
+        .map(|&face| {
+            let chart = scene.chart(face);
+            let forest = forest(
+                evaluator,
+                light,
+                face,
+                &chart,
+                size,
+                options,
+                control.stop(),
+            );
+            Ok(CellReceiver {
+                face,
+                forest: forest.map_err(|error| Error {
+                    surface: scene.surface_of(face).name.clone(),
+                    error,
+                })?,
+                contact_radius: contact_radius(scene, face),
+                hot_spots: hot_spots(scene, face, &chart),
+                chart,
+            })
+        })
+        .collect::<Result<_, _>>()?;
+    (control.progress)(Phase::Irradiance, 0.0);
+    let direct = CellDirectOptions {
+        degree: options.chosen_degree(),
+        goal,
+        refinement: options.refinement(),
+        estimator: options.estimator,
+        least_size: options.least_size,
+        most_elements: options.most_elements,
+    };
+    Ok(CellMeshes::solve(
+        receivers,
+        light,
+        &direct,
+        &control.limits(),
+        &|_, done| (control.progress)(Phase::Irradiance, done),
+    ))
+}
+
+/// The size that refinement starts with, relative to the receiver's diagonal: no feature
+/// of light hides in one element, or hardly.
+const COARSEST: f64 = 0.25;
+
+/// The size of elements to begin with.
+#[derive(Clone, Copy, Debug)]
+enum StartSize {
+    /// Scene units.
+    Length(f64),
+    /// Of the receiver's diagonal.
+    Share(f64),
+}
+
+/// With what size elements begin, and when refinement ends.
+fn start(
+    scene: &Scene,
+    light: &ExactLight<'_, '_>,
+    options: &CellOptions,
+) -> (StartSize, CellGoal) {
+    let lit = scene
+        .face_ids()
+        .filter(|&f| light.view(f).sees_any_emitter());
+    let area: f64 = lit.map(|f| scene.face(f).area).sum();
+    let triangle = match options.shape {
+        CellShape::Triangles => 3f64.sqrt() / 4.0,
+        CellShape::Quadrilaterals | CellShape::Mixed => 1.0,
+    };
+    let is_whole = options.refinement() == CellRefinement::Whole;
+    match options.size {
+        CellSize::Tolerance(tolerance) => {
+            (StartSize::Share(COARSEST), CellGoal::Tolerance(tolerance))
+        }
+        CellSize::Length(length) => {
+            let length = length / scene.frame.length_to_file(1.0);
+            if is_whole {
+                (StartSize::Length(length), CellGoal::AsGiven)
+            } else {
+                let n = (area / (triangle * length * length)).ceil().max(1.0);
+                (StartSize::Share(COARSEST), CellGoal::Elements(n as usize))
+            }
+        }
+        CellSize::Elements(n) if is_whole => {
+            let length = (area / (triangle * n.max(1) as f64)).sqrt();
+            (StartSize::Length(length), CellGoal::AsGiven)
+        }
+        CellSize::Elements(n) => (StartSize::Share(COARSEST), CellGoal::Elements(n)),
+    }
+}
+
+/// The cells of a receiver to begin with.
+fn forest(
+    evaluator: &Evaluator<'_>,
+    light: &ExactLight<'_, '_>,
+    face: FaceId,
+    chart: &Chart,
+    size: StartSize,
+    options: &CellOptions,
+    stop: Stop<'_>,
+) -> Result<CellForest, MeshError> {
+    let scene = evaluator.scene();
+    let border = scene.loops_in_chart(face, chart);
+    let (min, max) = border
+        .iter()
+        .flatten()
+        .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(min, max), &p| {
+            (min.min(p), max.max(p))
+        });
+    let diagonal = (max - min).length();
+    let is_lit = light.view(face).sees_any_emitter();
+    let size = match size {
+        // Where no light falls, one size is as good as any other.
+        _ if !is_lit => COARSEST * diagonal,
+        StartSize::Share(share) => share * diagonal,
+        StartSize::Length(length) => length.max(options.least_size * diagonal),
+    };
+    if options.mesher != Mesher::Graded || !is_lit {
+        return Ok(CellForest::new(
+            uniform(&border, size, options.shape)?,
+            options.rule(),
+        ));
+    }
+    let near = Near::new(evaluator, face, chart, &border, stop);
+    let reach = 0.25 * diagonal;
+    let grading = options.grading.clamp(1e-3, 1.0);
+    let size_at = |p: DVec2| size * grading.max((near.distance(p) / reach).min(1.0));
+    let most_levels = grading.recip().log2().ceil() as u8;
+    graded(&border, size, &size_at, most_levels, options.shape)
+}
+
+/// What grading goes by.
+struct Near {
+    chart: Chart,
+    /// Of the border and of what touches the receiver, in the chart.
+    segments: Vec<[DVec2; 2]>,
+    /// The convex pieces of emitters, corners in space.
+    emitters: Vec<Vec<DVec3>>,
+}
+
+impl Near {
+    fn new(
+        evaluator: &Evaluator<'_>,
+        face: FaceId,
+        chart: &Chart,
+        border: &[Vec<DVec2>],
+        stop: Stop<'_>,
+    ) -> Self {
+        let scene = evaluator.scene();
+        let mut segments: Vec<[DVec2; 2]> = border
+            .iter()
+            .flat_map(|l| (0..l.len()).map(|i| [l[i], l[(i + 1) % l.len()]]))
+            .collect();
+        let contacts = EventKinds::NONE.with(EventKind::Contact);
+        let radius = contact_radius(scene, face);
+        let found = critical_curves_until(evaluator, face, contacts, radius, stop);
+        for curve in found.map_or(Vec::new(), |found| found.curves) {
+            segments.push(curve.shape.ends().map(|p| chart.to_chart(p)));
+        }
+        let emitters = scene.emitters().filter(|&e| e != face).flat_map(|e| {
+            let pieces = &scene.face(e).pieces;
+            let pieces = &scene.pieces[pieces.start as usize..pieces.end as usize];
+            pieces.iter().map(|piece| scene.positions(&piece.vertices))
+        });
+        Self {
+            chart: *chart,
+            segments,
+            emitters: emitters.collect(),
+        }
+    }
+
+    /// From a point of the receiver to the nearest of all.
+    fn distance(&self, uv: DVec2) -> f64 {
+        let to_segments = self.segments.iter().map(|&[a, b]| {
+            let d = b - a;
+            let length_sq = d.length_squared().max(f64::MIN_POSITIVE);
+            let at = (d.dot(uv - a) / length_sq).clamp(0.0, 1.0);
+            (a + d * at).distance(uv)
+        });
+        let point = self.chart.to_space(uv);
+        let to_emitters = self.emitters.iter().map(|e| distance_to_convex(e, point));
+        to_segments.chain(to_emitters).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// The distance of a point to a plane convex polygon in space.
+fn distance_to_convex(corners: &[DVec3], point: DVec3) -> f64 {
+    let normal = antumbra_geom::newell_normal(corners).normalize_or_zero();
+    let n = corners.len();
+    let is_above = (0..n).all(|i| {
+        let (a, b) = (corners[i], corners[(i + 1) % n]);
+        (b - a).cross(point - a).dot(normal) >= 0.0
+    });
+    if is_above && n > 0 {
+        return normal.dot(point - corners[0]).abs();
+    }
+    (0..n)
+        .map(|i| {
+            let (a, d) = (corners[i], corners[(i + 1) % n] - corners[i]);
+            let length_sq = d.length_squared().max(f64::MIN_POSITIVE);
+            let at = (d.dot(point - a) / length_sq).clamp(0.0, 1.0);
+            (a + d * at).distance(point)
+        })
+        .fold(f64::INFINITY, f64::min)
 }

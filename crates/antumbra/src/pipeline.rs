@@ -167,7 +167,7 @@ impl<'a> Control<'a> {
         Stop::new(self.should_stop)
     }
 
-    fn limits(&self) -> Limits<'a> {
+    pub(crate) fn limits(&self) -> Limits<'a> {
         Limits {
             stop: self.stop(),
             at_once: Stop::new(self.must_stop),
@@ -812,7 +812,7 @@ const NEAR_EMITTER: f64 = 0.125;
 /// Where the pieces of near emitters and their corners stand above a receiver: a lamp a
 /// millimetre below the ceiling lights a patch of its own size there, which the nodes
 /// and check points of large elements may all miss.
-fn hot_spots(scene: &Scene, face: FaceId, chart: &Chart) -> Vec<DVec2> {
+pub(crate) fn hot_spots(scene: &Scene, face: FaceId, chart: &Chart) -> Vec<DVec2> {
     let receiver = scene.face(face);
     let origin = scene.position(receiver.outline[0]);
     let bounds = Aabb::of(receiver.outline.iter().map(|&v| scene.position(v)));
@@ -919,7 +919,7 @@ type MeshWithOrders<'a> = (&'a TriMesh, usize);
 /// gap would fall into one pixel (`contact/table` with its legs a hair above the
 /// floor); larger, and light that comes through a gap of 2⁻²⁴ of the receiver would
 /// be lost.
-fn contact_radius(scene: &Scene, face: FaceId) -> f64 {
+pub(crate) fn contact_radius(scene: &Scene, face: FaceId) -> f64 {
     let chart = scene.chart(face);
     let corners = scene.loops_in_chart(face, &chart);
     let (min, max) = corners.iter().flatten().fold(

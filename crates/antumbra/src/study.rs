@@ -7,6 +7,7 @@ mod maps;
 mod rival;
 
 use crate::light::ExactLight;
+use crate::mesher::Mesher;
 use crate::pipeline::{Control, Error, Phase};
 use crate::values::{self, Place};
 use antumbra_geom::{DVec2, Stop};
@@ -16,6 +17,7 @@ use antumbra_io::study::{
 use antumbra_mesh::shape_quality;
 use antumbra_scene::{FaceId, Scene};
 use antumbra_solver::DirectSolution;
+use antumbra_solver::cells::{CellSolution, DirectMesh};
 use antumbra_visibility::{Evaluator, Scratch};
 use rayon::prelude::*;
 
@@ -73,20 +75,10 @@ impl std::fmt::Debug for Meter<'_> {
 }
 
 /// A finished mesh, as a study looks at it.
-pub trait Sampled: Sync {
-    /// Elements of all receivers.
-    fn n_elements(&self) -> usize;
-    /// Nodes of all receivers.
-    fn n_nodes(&self) -> usize;
-    /// Exact evaluations: nodes and check points.
-    fn n_evaluations(&self) -> u64;
-    /// What it says is its largest error, relative to its peak.
-    fn claimed_error(&self) -> f64;
-    /// Irradiance per band at a place, if an element is there.
-    fn at(&self, place: &Place) -> Option<Vec<f64>>;
+pub trait Sampled: DirectMesh + Sync {
     /// Calls `visit` for every element with its corners, counter-clockwise in the chart of
-    /// its face.
-    fn for_each_element(&self, visit: &mut dyn FnMut(FaceId, &[DVec2]));
+    /// its face, and the ratio of its inscribed to its circumscribed radius.
+    fn for_each_element(&self, visit: &mut dyn FnMut(FaceId, &[DVec2], f64));
     /// Vertices inside an edge of a neighbour.
     fn n_t_vertices(&self) -> usize {
         0
@@ -94,33 +86,41 @@ pub trait Sampled: Sync {
 }
 
 impl Sampled for DirectSolution {
-    fn n_elements(&self) -> usize {
-        self.receivers.iter().map(|r| r.n_elements()).sum()
-    }
-
-    fn n_nodes(&self) -> usize {
-        self.receivers.iter().map(|r| r.nodes.len()).sum()
-    }
-
-    fn n_evaluations(&self) -> u64 {
-        self.receivers.iter().map(|r| r.exact_evaluations).sum()
-    }
-
-    fn claimed_error(&self) -> f64 {
-        self.measured_max_error
-    }
-
-    fn at(&self, place: &Place) -> Option<Vec<f64>> {
-        values::on_mesh(self, place)
-    }
-
-    fn for_each_element(&self, visit: &mut dyn FnMut(FaceId, &[DVec2])) {
+    fn for_each_element(&self, visit: &mut dyn FnMut(FaceId, &[DVec2], f64)) {
         for receiver in &self.receivers {
             for t in 0..receiver.n_elements() as u32 {
-                visit(receiver.face, &receiver.mesh.corners(t));
+                let corners = receiver.mesh.corners(t);
+                visit(receiver.face, &corners, shape_quality(corners));
             }
         }
     }
+}
+
+impl Sampled for CellSolution {
+    fn for_each_element(&self, visit: &mut dyn FnMut(FaceId, &[DVec2], f64)) {
+        for receiver in &self.receivers {
+            let mesh = &receiver.mesh;
+            for (c, cell) in mesh.cells.iter().enumerate() {
+                let corners = mesh.corner_positions(c);
+                visit(
+                    receiver.face,
+                    &corners[..cell.corners().len()],
+                    mesh.quality(c),
+                );
+            }
+        }
+    }
+
+    fn n_t_vertices(&self) -> usize {
+        self.n_t_vertices()
+    }
+}
+
+/// Irradiance per band at a place, if an element is there.
+fn value_at(mesh: &dyn Sampled, place: &Place) -> Option<Vec<f64>> {
+    // Receivers are the faces, in their order.
+    let receiver = place.face.index();
+    mesh.direct_at(receiver, mesh.chart(receiver).to_chart(place.point))
 }
 
 /// Exact values at places of reference.
@@ -192,7 +192,7 @@ impl Reference {
             .par_iter()
             .zip(self.values.par_chunks(n_bands))
             .map(|(place, exact)| {
-                let found = mesh.at(place);
+                let found = value_at(mesh, place);
                 worst_band(found.as_deref(), exact, &self.peak)
             })
             .collect()
@@ -309,11 +309,11 @@ impl Runner<'_> {
             setting,
             elements: mesh.n_elements(),
             nodes: mesh.n_nodes(),
-            exact_evaluations: mesh.n_evaluations(),
+            exact_evaluations: mesh.exact_evaluations(),
             seconds: Spread::of(&times),
             memory_bytes: memory,
             error,
-            claimed_error: finite(mesh.claimed_error()),
+            claimed_error: finite(mesh.measured_max_error()),
             on_front: false,
             quality: quality(study.scene, mesh.as_ref()),
         });
@@ -405,9 +405,10 @@ pub fn study(
         .map(|r| std::mem::take(&mut r.maps))
         .collect();
     study.series = runners.into_iter().map(|r| r.series).collect();
-    study.estimators = rival::effectivities(scene, options, &light, control)?;
+    let quiet = quiet(control);
+    study.estimators = rival::effectivities(scene, &light, &evaluator, &quiet)?;
     (control.progress)(Phase::Study, f64::midpoint(MESHING, 1.0));
-    study.steps = rival::steps(scene, options, &reference, control)?;
+    study.steps = rival::steps(scene, &reference, &quiet)?;
     mark_front(&mut study);
     for series in &mut study.series {
         let of = |error: fn(&Run) -> f64| -> Vec<(usize, f64)> {
@@ -415,6 +416,18 @@ pub fn study(
         };
         series.order_rms = observed_order(&of(|r| r.error.rms), FLOOR);
         series.order_max = observed_order(&of(|r| r.error.max), FLOOR);
+        if series.mesher == Mesher::Discontinuity.key() && !(control.should_stop)() {
+            let found = rival::halvings(scene, series.degree, &reference, &quiet)?;
+            let of = |error: fn(&Errors) -> f64| -> Vec<(usize, f64)> {
+                found.iter().map(|(n, e)| (*n, error(e))).collect()
+            };
+            let (rms, max) = (
+                observed_order(&of(|e| e.rms), FLOOR),
+                observed_order(&of(|e| e.max), FLOOR),
+            );
+            series.order_rms = rms.or(series.order_rms);
+            series.order_max = max.or(series.order_max);
+        }
     }
     study.maps = canvas.groups(&study, &maps);
     study.advice = advice(&study);
@@ -472,11 +485,7 @@ fn quality(scene: &Scene, mesh: &dyn Sampled) -> Quality {
         t_vertices: mesh.n_t_vertices(),
         ..Quality::default()
     };
-    mesh.for_each_element(&mut |_, corners| {
-        let ratio = match corners {
-            &[a, b, c] => shape_quality([a, b, c]),
-            _ => quadrilateral_quality(corners),
-        };
+    mesh.for_each_element(&mut |_, corners, ratio| {
         ratios.push(ratio);
         let n = corners.len();
         for k in 0..n {
@@ -493,15 +502,6 @@ fn quality(scene: &Scene, mesh: &dyn Sampled) -> Quality {
     let area: f64 = scene.face_ids().map(|f| scene.face(f).area).sum();
     quality.density = ratios.len() as f64 / scene.frame.area_to_file(area);
     quality
-}
-
-/// The worst of the four triangles at its corners, relative to those of a square.
-fn quadrilateral_quality(corners: &[DVec2]) -> f64 {
-    let n = corners.len();
-    let of_square = 2.0 * (std::f64::consts::SQRT_2 - 1.0);
-    (0..n)
-        .map(|k| shape_quality([corners[k], corners[(k + 1) % n], corners[(k + n - 1) % n]]))
-        .fold(1.0, |least, q| f64::min(least, q / of_square))
 }
 
 /// What to choose, and how much the next best costs.
@@ -617,6 +617,8 @@ fn notes(
         ),
         "Times are those of the whole job from the scene: preparation, events, mesh, exact values, check points. They do not include the comparison.".into(),
         "Memory is what the process took at most during the first run of a setting, above what it had before; what the allocator kept from earlier runs is not counted again.".into(),
+        "Orders of the discontinuity mesh are those of the mesh of all curves, whose elements are split into four again and again; of the others, those of their runs.".into(),
+        "Quadtrees follow the measured error; the adaptive mesh follows the difference of neighbours, as published (Cohen et al. 1986). All of them measure their error before they end, and that is in their times.".into(),
         "Places on no element err by their whole value.".into(),
     ];
     if study.n_penumbra == 0 {

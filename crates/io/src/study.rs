@@ -186,7 +186,7 @@ pub struct Effectivity {
     pub below: f64,
     /// Rank correlation of estimate and true error over elements (Spearman).
     pub correlation: f64,
-    /// Exact evaluations that it took.
+    /// Exact evaluations that it took on top of the mesh and its check points.
     pub evaluations: u64,
 }
 

@@ -9,6 +9,7 @@
 
 mod arrange;
 mod bisect;
+pub mod cells;
 mod check;
 mod cut;
 mod grid;

@@ -1,4 +1,4 @@
-//! Lagrange bases of degree 1 to 4 on a triangle.
+//! Lagrange bases of degree 1 to 4 on a triangle and on a square.
 
 /// Most nodes an element can have: 15 at degree 4.
 pub const MOST_NODES: usize = 15;
@@ -80,6 +80,73 @@ pub fn values(degree: u8, at: [f64; 3]) -> [f64; MOST_NODES] {
     result
 }
 
+/// Most nodes of a quadrilateral: 25 at degree 4.
+pub const MOST_QUAD_NODES: usize = 25;
+
+/// Nodes of a quadrilateral of this degree.
+#[must_use]
+pub fn n_quad_nodes(degree: u8) -> usize {
+    let p = usize::from(degree);
+    (p + 1) * (p + 1)
+}
+
+/// The nodes of a quadrilateral as multiples of 1/degree in the unit square; only the
+/// first [`n_quad_nodes`] are set.
+///
+/// The order is that of VTK's Lagrange quadrilaterals: the four corners, the inner nodes
+/// of the edges 0–1, 1–2, 3–2 and 0–3 in that direction, then the inner nodes row by row.
+#[must_use]
+pub fn quad_lattice(degree: u8) -> [[u8; 2]; MOST_QUAD_NODES] {
+    let p = degree;
+    let mut nodes = [[0; 2]; MOST_QUAD_NODES];
+    let corners = [[0, 0], [p, 0], [p, p], [0, p]];
+    let edges = [0, 1, 2, 3].into_iter().flat_map(|edge| {
+        (1..p).map(move |i| match edge {
+            0 => [i, 0],
+            1 => [p, i],
+            2 => [i, p],
+            _ => [0, i],
+        })
+    });
+    let inner = (1..p).flat_map(|j| (1..p).map(move |i| [i, j]));
+    for (node, at) in nodes
+        .iter_mut()
+        .zip(corners.into_iter().chain(edges).chain(inner))
+    {
+        *node = at;
+    }
+    nodes
+}
+
+/// The values of the basis functions on a segment, at the nodes 0, 1/degree, …, 1; only
+/// the first degree + 1 are set.
+#[must_use]
+pub fn segment_values(degree: u8, at: f64) -> [f64; 5] {
+    let p = usize::from(degree);
+    let x = at * f64::from(degree);
+    let mut result = [0.0; 5];
+    for (i, value) in result.iter_mut().enumerate().take(p + 1) {
+        *value = (0..=p)
+            .filter(|&j| j != i)
+            .map(|j| (x - j as f64) / (i as f64 - j as f64))
+            .product();
+    }
+    result
+}
+
+/// The values of all basis functions of a quadrilateral at a point of the unit square:
+/// products of those on segments. Only the first [`n_quad_nodes`] are set.
+#[must_use]
+pub fn quad_values(degree: u8, [s, t]: [f64; 2]) -> [f64; MOST_QUAD_NODES] {
+    let (along_s, along_t) = (segment_values(degree, s), segment_values(degree, t));
+    let mut result = [0.0; MOST_QUAD_NODES];
+    let lattice = quad_lattice(degree);
+    for (value, node) in result.iter_mut().zip(lattice).take(n_quad_nodes(degree)) {
+        *value = along_s[usize::from(node[0])] * along_t[usize::from(node[1])];
+    }
+    result
+}
+
 /// A quadrature rule on the triangle, exact for polynomials of degree 8: pairs of
 /// barycentric coordinates and weights that add up to 1.
 ///
@@ -144,6 +211,21 @@ mod tests {
                 let at = node.map(|m| f64::from(m) / f64::from(degree));
                 let values = values(degree, at);
                 for (j, v) in values[..n_nodes(degree)].iter().enumerate() {
+                    assert!((v - f64::from(u8::from(i == j))).abs() < 1e-14);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_basis_function_of_a_quadrilateral_is_one_at_its_node_alone() {
+        for degree in 1..=4 {
+            let n = n_quad_nodes(degree);
+            let lattice = quad_lattice(degree);
+            for (i, node) in lattice[..n].iter().enumerate() {
+                assert!(!lattice[..i].contains(node), "{node:?} twice");
+                let at = node.map(|m| f64::from(m) / f64::from(degree));
+                for (j, v) in quad_values(degree, at)[..n].iter().enumerate() {
                     assert!((v - f64::from(u8::from(i == j))).abs() < 1e-14);
                 }
             }

@@ -1,6 +1,7 @@
 //! Elements, direct irradiance to a tolerance, form factors, radiosity.
 
 pub mod basis;
+pub mod cells;
 mod direct;
 mod factors;
 mod field;

@@ -1,6 +1,6 @@
 //! Maps of the error on the surface where it is most interesting.
 
-use super::{Reference, Sampled, worst_band};
+use super::{Reference, Sampled, value_at, worst_band};
 use crate::light::ExactLight;
 use crate::values::Place;
 use antumbra_geom::{Chart, DVec2, dvec2, point_in_polygon};
@@ -115,7 +115,7 @@ impl Canvas {
             .inside
             .par_iter()
             .map(|(_, place, exact)| {
-                worst_band(mesh.at(place).as_deref(), exact, &self.peak) as f32
+                worst_band(value_at(mesh, place).as_deref(), exact, &self.peak) as f32
             })
             .collect();
         for ((i, ..), error) in self.inside.iter().zip(found) {
@@ -126,7 +126,7 @@ impl Canvas {
             let q = (p - self.corner) / self.side;
             [q.x as f32, -q.y as f32]
         };
-        mesh.for_each_element(&mut |face, corners| {
+        mesh.for_each_element(&mut |face, corners, _| {
             if face != self.face {
                 return;
             }

@@ -1,12 +1,16 @@
 //! What a study runs: the ladders of all generators, estimators, steps after meshing.
 
-use super::{MOST_ELEMENTS, Make, Reference, Runner, Sampled, StudyOptions};
+use super::{MOST_ELEMENTS, Make, Reference, Runner, StudyOptions};
 use crate::light::ExactLight;
-use crate::mesher::Mesher;
-use crate::pipeline::{Control, Error, Options, mesh};
-use antumbra_io::study::{Effectivity, Series, Step};
+use crate::mesher::{CellOptions, CellSize, Mesher, cell_meshes, mesh_cells};
+use crate::pipeline::{Control, Error, Events, MOST_STEPS, Options, mesh};
+use antumbra_geom::Stop;
+use antumbra_io::study::{Effectivity, Errors, Series, Step};
+use antumbra_mesh::cells::CellShape;
 use antumbra_scene::Scene;
-use antumbra_solver::Tolerance;
+use antumbra_solver::cells::{DirectMesh as _, Estimator};
+use antumbra_solver::{AfterStep, Tolerance};
+use antumbra_visibility::{Evaluator, EventKinds};
 
 /// All series, with their ladders.
 pub(crate) fn runners<'a>(scene: &'a Scene, options: &'a StudyOptions) -> Vec<Runner<'a>> {
@@ -29,57 +33,309 @@ pub(crate) fn runners<'a>(scene: &'a Scene, options: &'a StudyOptions) -> Vec<Ru
     runners
 }
 
+/// Elements of the coarsest mesh that is driven by a number of them.
+const FEWEST: usize = 16;
+
 fn ladder<'a>(
     scene: &'a Scene,
     options: &'a StudyOptions,
     mesher: Mesher,
     degree: u8,
 ) -> Vec<(String, Make<'a>)> {
+    let tolerances = options.tolerances.iter().copied();
     match mesher {
-        Mesher::Discontinuity => options
-            .tolerances
-            .iter()
-            .map(|&tolerance| {
+        Mesher::Discontinuity => tolerances
+            .map(|tolerance| {
                 let make: Make<'a> = Box::new(move |control| {
-                    discontinuity(scene, degree, tolerance, control).map(Some)
+                    let options = discontinuity(degree, tolerance);
+                    let meshed = mesh(scene, &options, control)?;
+                    Ok(Some(Box::new(meshed.direct)))
                 });
                 (format!("tolerance {tolerance:e}"), make)
             })
             .collect(),
+        Mesher::Uniform | Mesher::Graded => (0..)
+            .map(|k| FEWEST << k)
+            .take_while(|n| *n < MOST_ELEMENTS)
+            .map(|n| cell_step(scene, mesher, degree, CellSize::Elements(n)))
+            .collect(),
+        Mesher::Quadtree | Mesher::Restricted | Mesher::TriQuadtree | Mesher::Adaptive => {
+            tolerances
+                .map(|t| {
+                    let size = CellSize::Tolerance(Tolerance::Relative(t));
+                    cell_step(scene, mesher, degree, size)
+                })
+                .collect()
+        }
     }
 }
 
-fn discontinuity(
-    scene: &Scene,
-    degree: u8,
-    tolerance: f64,
-    control: &Control<'_>,
-) -> Result<Box<dyn Sampled>, Error> {
-    let options = Options {
+fn cell_step(scene: &Scene, mesher: Mesher, degree: u8, size: CellSize) -> (String, Make<'_>) {
+    let setting = match size {
+        CellSize::Tolerance(Tolerance::Relative(t) | Tolerance::Absolute(t)) => {
+            format!("tolerance {t:e}")
+        }
+        CellSize::Elements(n) => format!("{n} elements"),
+        CellSize::Length(l) => format!("elements of {l}"),
+    };
+    let options = cells(mesher, degree, size);
+    let make: Make<'_> = Box::new(move |control| {
+        let meshed = mesh_cells(scene, &options, control)?;
+        Ok(Some(Box::new(meshed.direct)))
+    });
+    (setting, make)
+}
+
+fn cells(mesher: Mesher, degree: u8, size: CellSize) -> CellOptions {
+    CellOptions {
+        mesher,
+        degree: Some(degree),
+        size,
+        // As it was published; the quadtrees follow the measured error, which is the best
+        // that can be done for them.
+        estimator: match mesher {
+            Mesher::Adaptive => Estimator::Neighbours,
+            _ => Estimator::Measured,
+        },
+        most_elements: MOST_ELEMENTS,
+        ..CellOptions::default()
+    }
+}
+
+fn discontinuity(degree: u8, tolerance: f64) -> Options {
+    Options {
         tolerance: Tolerance::Relative(tolerance),
         degree: Some(degree),
         most_elements: MOST_ELEMENTS,
         ..Options::default()
-    };
-    Ok(Box::new(mesh(scene, &options, control)?.direct))
+    }
 }
+
+/// Halvings of the mesh of all curves, for the order of convergence: errors of the meshes.
+///
+/// Tolerances make elements smaller where errors are, at different places each time; the
+/// order is that of a mesh whose elements all become smaller alike.
+pub(crate) fn halvings(
+    scene: &Scene,
+    degree: u8,
+    reference: &Reference,
+    control: &Control<'_>,
+) -> Result<Vec<(usize, Errors)>, Error> {
+    let mut found = Vec::new();
+    for k in 0..=MOST_STEPS {
+        let options = Options {
+            events: Events::Kinds(EventKinds::ALL),
+            after: std::array::from_fn(|i| (i < k).then_some(AfterStep::Halve)),
+            ..discontinuity(degree, COARSE)
+        };
+        let meshed = mesh(scene, &options, control)?;
+        if (control.should_stop)() {
+            break;
+        }
+        let direct = meshed.direct;
+        let n = direct.n_elements();
+        found.push((n, reference.summarise(&reference.errors_of(&direct))));
+        if n > MOST_HALVED {
+            break;
+        }
+    }
+    Ok(found)
+}
+
+/// So coarse that only the curves make elements.
+const COARSE: f64 = 0.9;
+
+/// Meshes with more elements are not halved again.
+const MOST_HALVED: usize = 20_000;
+
+/// Meshes that estimators are tried on: those of a middling size.
+const ESTIMATED: [(Mesher, CellShape, u8); 6] = [
+    (Mesher::Uniform, CellShape::Quadrilaterals, 1),
+    (Mesher::Uniform, CellShape::Triangles, 1),
+    (Mesher::Uniform, CellShape::Triangles, 2),
+    (Mesher::Restricted, CellShape::Quadrilaterals, 1),
+    (Mesher::Restricted, CellShape::Mixed, 2),
+    (Mesher::Restricted, CellShape::Mixed, 3),
+];
+
+/// Their number of elements.
+const ESTIMATED_ELEMENTS: usize = 600;
+
+/// Points along a side of an element at which its true error is looked for.
+const TRUE_POINTS: usize = 5;
 
 /// What estimators say of the errors.
 pub(crate) fn effectivities(
-    _scene: &Scene,
-    _options: &StudyOptions,
-    _light: &ExactLight<'_, '_>,
-    _control: &Control<'_>,
+    scene: &Scene,
+    light: &ExactLight<'_, '_>,
+    evaluator: &Evaluator<'_>,
+    control: &Control<'_>,
 ) -> Result<Vec<Effectivity>, Error> {
-    Ok(Vec::new())
+    let stop = Stop::new(control.should_stop);
+    let mut rows = Vec::new();
+    for (mesher, shape, degree) in ESTIMATED {
+        let options = CellOptions {
+            shape,
+            ..cells(mesher, degree, CellSize::Elements(ESTIMATED_ELEMENTS))
+        };
+        let label = format!(
+            "{mesher} {}, degree {degree}",
+            match shape {
+                CellShape::Triangles => "triangles",
+                CellShape::Quadrilaterals => "quadrilaterals",
+                CellShape::Mixed => "mixed",
+            }
+        );
+        for estimator in Estimator::ALL {
+            // Each on a mesh of its own, for points that are known cost nothing.
+            let mut meshes = cell_meshes(evaluator, light, &options, control)?;
+            let Some(truth) = meshes.true_errors(TRUE_POINTS, light, stop) else {
+                break;
+            };
+            let before = meshes.check_evaluations();
+            let Some(estimates) = meshes.estimates(estimator, light, stop) else {
+                break;
+            };
+            let evaluations = meshes.check_evaluations() - before;
+            rows.push(effectivity(
+                &label,
+                estimator,
+                &truth,
+                &estimates,
+                scene.n_bands,
+                evaluations,
+            ));
+        }
+    }
+    Ok(rows)
 }
+
+/// Compares estimates with true errors: of every receiver, bands of every element.
+fn effectivity(
+    mesh: &str,
+    estimator: Estimator,
+    truth: &[Vec<f64>],
+    estimates: &[Vec<f64>],
+    n_bands: usize,
+    evaluations: u64,
+) -> Effectivity {
+    // The worst band of every element in the light, both of the same band.
+    let pairs: Vec<(f64, f64)> = truth
+        .iter()
+        .zip(estimates)
+        .flat_map(|(t, e)| t.chunks_exact(n_bands).zip(e.chunks_exact(n_bands)))
+        .filter_map(|(t, e)| {
+            let worst = |a: &(usize, &f64), b: &(usize, &f64)| a.1.total_cmp(b.1);
+            let (band, &error) = t.iter().enumerate().max_by(worst)?;
+            Some((error, e[band]))
+        })
+        .collect();
+    let most = |of: fn(&(f64, f64)) -> f64| pairs.iter().map(of).fold(0.0, f64::max);
+    let (largest, estimated) = (most(|p| p.0), most(|p| p.1));
+    // Where there is no error to speak of, a ratio means nothing.
+    let counted: Vec<(f64, f64)> = pairs
+        .iter()
+        .copied()
+        .filter(|p| p.0 > NEGLIGIBLE * largest)
+        .collect();
+    let mut ratios: Vec<f64> = counted.iter().map(|(t, e)| e / t).collect();
+    ratios.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        let last = ratios.len().saturating_sub(1);
+        ratios
+            .get((share * last as f64).round() as usize)
+            .copied()
+            .unwrap_or(0.0)
+    };
+    let n_below = counted.iter().filter(|(t, e)| t > e).count();
+    Effectivity {
+        mesh: mesh.to_owned(),
+        estimator: estimator.key().to_owned(),
+        elements: pairs.len(),
+        of_max: if largest > 0.0 {
+            estimated / largest
+        } else {
+            0.0
+        },
+        median: at(0.5),
+        low: at(0.1),
+        high: at(0.9),
+        below: n_below as f64 / counted.len().max(1) as f64,
+        correlation: rank_correlation(&counted),
+        evaluations,
+    }
+}
+
+/// Errors below this share of the largest are not estimated, but nothing.
+const NEGLIGIBLE: f64 = 1e-3;
+
+/// Spearman's: the correlation of the places in both orders.
+fn rank_correlation(pairs: &[(f64, f64)]) -> f64 {
+    let ranks = |of: fn(&(f64, f64)) -> f64| {
+        let mut order: Vec<usize> = (0..pairs.len()).collect();
+        order.sort_by(|&a, &b| of(&pairs[a]).total_cmp(&of(&pairs[b])));
+        let mut ranks = vec![0.0; pairs.len()];
+        for (rank, i) in order.into_iter().enumerate() {
+            ranks[i] = rank as f64;
+        }
+        ranks
+    };
+    let (a, b) = (ranks(|p| p.0), ranks(|p| p.1));
+    let middle = (pairs.len().max(1) - 1) as f64 / 2.0;
+    let product: f64 = a
+        .iter()
+        .zip(&b)
+        .map(|(a, b)| (a - middle) * (b - middle))
+        .sum();
+    let square: f64 = a.iter().map(|a| (a - middle).powi(2)).sum();
+    if square > 0.0 { product / square } else { 0.0 }
+}
+
+/// Tolerances of the meshes that steps are applied to.
+const STEPPED: [f64; 2] = [2e-2, 2e-3];
 
 /// What steps after meshing do.
 pub(crate) fn steps(
-    _scene: &Scene,
-    _options: &StudyOptions,
-    _reference: &Reference,
-    _control: &Control<'_>,
+    scene: &Scene,
+    reference: &Reference,
+    control: &Control<'_>,
 ) -> Result<Vec<Step>, Error> {
-    Ok(Vec::new())
+    let mut rows = Vec::new();
+    let contacts = Events::Kinds(EventKinds::NONE);
+    for (events, name) in [
+        (Events::OnDemand, "discontinuity"),
+        (contacts, "contacts and refinement alone"),
+    ] {
+        for tolerance in STEPPED {
+            let plain = Options {
+                events,
+                ..discontinuity(2, tolerance)
+            };
+            let before = mesh(scene, &plain, control)?.direct;
+            let errors = reference.summarise(&reference.errors_of(&before));
+            for step in [AfterStep::Relocate, AfterStep::Split, AfterStep::Elevate] {
+                if (control.should_stop)() {
+                    return Ok(rows);
+                }
+                let mut options = plain;
+                options.after[0] = Some(step);
+                let meshed = mesh(scene, &options, control)?;
+                let after = &meshed.direct;
+                rows.push(Step {
+                    mesh: format!("{name}, degree 2, tolerance {tolerance:e}"),
+                    step: step.key().to_owned(),
+                    before: errors,
+                    after: reference.summarise(&reference.errors_of(after)),
+                    elements: [before.n_elements(), after.n_elements()],
+                    evaluations: [before.exact_evaluations(), after.exact_evaluations()],
+                    reason: meshed
+                        .improvements
+                        .first()
+                        .and_then(|i| i.reason)
+                        .map(str::to_owned),
+                });
+            }
+        }
+    }
+    Ok(rows)
 }

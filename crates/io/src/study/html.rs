@@ -192,7 +192,7 @@ fn estimators(study: &Study, page: &mut String) {
          than 1 promises too much. “Too small” is the share of the elements that err by more than \
          the estimate; the correlation is that of ranks.</p><div class=\"wide\"><table><thead><tr><th>mesh</th>\
          <th>estimator</th><th>elements</th><th>whole mesh</th><th>median</th><th>10 % … 90 %</th>\
-         <th>too small</th><th>correlation</th><th>evaluations</th></tr></thead><tbody>\n",
+         <th>too small</th><th>correlation</th><th>evaluations on top</th></tr></thead><tbody>\n",
     );
     for e in &study.estimators {
         let _ = writeln!(
