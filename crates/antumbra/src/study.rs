@@ -28,7 +28,8 @@ pub struct StudyOptions {
     pub degrees: Vec<u8>,
     /// The keys of the mesh generators; see [`crate::Mesher`].
     pub meshers: Vec<crate::Mesher>,
-    /// Tolerances of those that are driven by one, descending.
+    /// Tolerances of those that are driven by one, descending. A series ends when its
+    /// largest error is below the last of them.
     pub tolerances: Vec<f64>,
     /// The error that the advice is for, relative to the peak.
     pub target: f64,
@@ -36,7 +37,7 @@ pub struct StudyOptions {
     pub n_points: u32,
     /// How often each run is repeated; long ones are run once.
     pub repeats: usize,
-    /// Seconds for everything.
+    /// Seconds for everything, about: meshes get two thirds of them.
     pub budget: f64,
     /// Pixels of an error map along its longer side.
     pub map_pixels: usize,
@@ -320,6 +321,8 @@ impl Runner<'_> {
         let expected = GROWTH * last;
         self.series.ended = if error.max <= FLOOR {
             "the error is that of rounding".into()
+        } else if error.max <= study.options.tolerances.last().copied().unwrap_or(0.0) {
+            "the finest error asked for is reached".into()
         } else if mesh.n_elements() > MOST_ELEMENTS / 2 {
             format!("{} elements are enough", mesh.n_elements())
         } else if self.spent + expected > share {
@@ -373,7 +376,7 @@ pub fn study(
     };
     let mut runners = rival::runners(scene, options);
     let start = (meter.clock)();
-    let share = options.budget / runners.len().max(1) as f64;
+    let share = MESHING * options.budget / runners.len().max(1) as f64;
     let mut is_going = vec![true; runners.len()];
     // All coarse runs before all finer ones: a study that is stopped has all series.
     while is_going.iter().any(|&g| g) && !(control.should_stop)() {
@@ -383,7 +386,7 @@ pub fn study(
             }
             is_going[k] = runner.step(&setting, share, &quiet(control))?;
             let done = runners_done(&is_going);
-            let spent = ((meter.clock)() - start) / options.budget;
+            let spent = ((meter.clock)() - start) / (MESHING * options.budget);
             (control.progress)(Phase::Study, done.max(spent.min(1.0)) * MESHING);
         }
     }
@@ -405,10 +408,20 @@ pub fn study(
         .map(|r| std::mem::take(&mut r.maps))
         .collect();
     study.series = runners.into_iter().map(|r| r.series).collect();
-    let quiet = quiet(control);
-    study.estimators = rival::effectivities(scene, &light, &evaluator, &quiet)?;
-    (control.progress)(Phase::Study, f64::midpoint(MESHING, 1.0));
-    study.steps = rival::steps(scene, &reference, &quiet)?;
+    // What comes after is left out where it would take too long, and the notes say so.
+    let is_late = |share: f64| (meter.clock)() - start > share * options.budget;
+    let mut left_out = Vec::new();
+    let [by_estimators, by_orders, by_steps] =
+        [0.8, 0.9, 1.0].map(|share| move || is_late(share) || (control.should_stop)());
+    let until = |should_stop| Control {
+        should_stop,
+        ..quiet(control)
+    };
+    study.estimators = rival::effectivities(scene, &light, &evaluator, &until(&by_estimators))?;
+    if by_estimators() {
+        left_out.push("some estimators");
+    }
+    (control.progress)(Phase::Study, 0.8);
     mark_front(&mut study);
     for series in &mut study.series {
         let of = |error: fn(&Run) -> f64| -> Vec<(usize, f64)> {
@@ -416,8 +429,8 @@ pub fn study(
         };
         series.order_rms = observed_order(&of(|r| r.error.rms), FLOOR);
         series.order_max = observed_order(&of(|r| r.error.max), FLOOR);
-        if series.mesher == Mesher::Discontinuity.key() && !(control.should_stop)() {
-            let found = rival::halvings(scene, series.degree, &reference, &quiet)?;
+        if series.mesher == Mesher::Discontinuity.key() {
+            let found = rival::halvings(scene, series.degree, &reference, &until(&by_orders))?;
             let of = |error: fn(&Errors) -> f64| -> Vec<(usize, f64)> {
                 found.iter().map(|(n, e)| (*n, error(e))).collect()
             };
@@ -428,6 +441,14 @@ pub fn study(
             series.order_rms = rms.or(series.order_rms);
             series.order_max = max.or(series.order_max);
         }
+    }
+    if by_orders() {
+        left_out.push("some orders of the discontinuity mesh, which are those of its runs then");
+    }
+    (control.progress)(Phase::Study, 0.9);
+    study.steps = rival::steps(scene, &reference, &until(&by_steps))?;
+    if by_steps() {
+        left_out.push("some steps after meshing");
     }
     study.maps = canvas.groups(&study, &maps);
     study.advice = advice(&study);
@@ -445,8 +466,8 @@ pub fn study(
 /// What exact values may be off by, relative to the peak (`docs/numerics.md`).
 const ROUNDING: f64 = 1e-13;
 
-/// The share of a study that making meshes is.
-const MESHING: f64 = 0.9;
+/// The share of a study's time that making meshes has.
+const MESHING: f64 = 0.67;
 
 fn runners_done(is_going: &[bool]) -> f64 {
     let n_done = is_going.iter().filter(|g| !**g).count();

@@ -263,6 +263,9 @@ pub(crate) struct Study {
     /// The largest error, relative to the peak, that the advice is for.
     #[arg(long, value_name = "REL", value_parser = positive, default_value = "1e-3")]
     pub(crate) tolerance: f64,
+    /// The finest tolerance of the ladder: a series ends when its error is below it.
+    #[arg(long, value_name = "REL", value_parser = positive, default_value = "1e-6")]
+    pub(crate) finest: f64,
     /// Mesh generators: a list of uniform, graded, quadtree, restricted, tri-quadtree,
     /// adaptive, discontinuity.
     #[arg(long, value_name = "NAMES", value_parser = mesher, value_delimiter = ',', default_values_t = antumbra::Mesher::ALL, hide_default_value = true)]

@@ -14,8 +14,9 @@ use std::time::Instant;
 /// Seconds without `--budget`: with pictures and comparisons it stays below five minutes.
 const USUAL_BUDGET: f64 = 180.0;
 
-/// The share of the time that goes into runs: comparing them takes the rest.
-const SHARE_OF_RUNS: f64 = 0.7;
+/// The share of the time that a study plans with: a run that takes longer than expected
+/// does not make it a partial result.
+const PLANNED: f64 = 0.85;
 
 pub(crate) fn run(args: &Arguments) -> Result<Ending, Failure> {
     let common = &args.common;
@@ -28,10 +29,11 @@ pub(crate) fn run(args: &Arguments) -> Result<Ending, Failure> {
     let options = StudyOptions {
         degrees: args.degrees.clone(),
         meshers: args.meshers.clone(),
+        tolerances: tolerances(args.finest),
         target: args.tolerance,
         n_points: args.points,
         repeats: args.repeats,
-        budget: SHARE_OF_RUNS * args.limits.budget.unwrap_or(USUAL_BUDGET),
+        budget: PLANNED * args.limits.budget.unwrap_or(USUAL_BUDGET),
         ..StudyOptions::default()
     };
     let started = Instant::now();
@@ -67,6 +69,17 @@ pub(crate) fn run(args: &Arguments) -> Result<Ending, Failure> {
     } else {
         Ending::Done
     })
+}
+
+/// 1e-1, 3e-2, 1e-2, … down to the finest.
+fn tolerances(finest: f64) -> Vec<f64> {
+    let steps = (1..).flat_map(|k| [10f64.powi(-k), 3.0 * 10f64.powi(-k - 1)]);
+    let mut tolerances: Vec<f64> = steps
+        .map(|t| format!("{t:e}").parse().unwrap_or(t))
+        .take_while(|t| *t > 1.001 * finest)
+        .collect();
+    tolerances.push(finest);
+    tolerances
 }
 
 fn title(args: &Arguments) -> String {

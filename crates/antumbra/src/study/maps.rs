@@ -2,6 +2,7 @@
 
 use super::{Reference, Sampled, value_at, worst_band};
 use crate::light::ExactLight;
+use crate::mesher::Mesher;
 use crate::values::Place;
 use antumbra_geom::{Chart, DVec2, dvec2, point_in_polygon};
 use antumbra_io::study::{ErrorMap, MapGroup, Run, Series, Study};
@@ -153,15 +154,21 @@ impl Canvas {
     }
 
     /// Runs of all generators side by side: at the time, and at the number of elements, of
-    /// the cheapest discontinuity mesh that is good enough.
+    /// the cheapest discontinuity mesh that is good enough, or else of the best mesh.
     pub(crate) fn groups(&self, study: &Study, maps: &[Vec<RunMap>]) -> Vec<MapGroup> {
-        let ours = study
+        let is_ours = |s: &&Series| s.mesher == Mesher::Discontinuity.key();
+        let ours: Vec<&Run> = study
             .series
             .iter()
-            .filter(|s| s.mesher == "discontinuity")
-            .flat_map(|s| &s.runs);
-        let good = ours.filter(|r| r.error.max <= study.target);
-        let Some(pivot) = good.min_by(|a, b| a.seconds.median.total_cmp(&b.seconds.median)) else {
+            .filter(is_ours)
+            .flat_map(|s| &s.runs)
+            .collect();
+        let good = ours.iter().filter(|r| r.error.max <= study.target);
+        let cheapest = good.min_by(|a, b| a.seconds.median.total_cmp(&b.seconds.median));
+        // If none is good enough, or ours were not asked for: the most accurate there is.
+        let all = study.series.iter().flat_map(|s| &s.runs);
+        let closest = all.min_by(|a, b| a.error.max.total_cmp(&b.error.max));
+        let Some(pivot) = cheapest.copied().or(closest) else {
             return Vec::new();
         };
         let seconds = pivot.seconds.median;

@@ -33,6 +33,9 @@ pub(crate) fn runners<'a>(scene: &'a Scene, options: &'a StudyOptions) -> Vec<Ru
     runners
 }
 
+/// Elements from step to step of a ladder of sizes.
+const STEP: f64 = 1.6;
+
 /// Elements of the coarsest mesh that is driven by a number of them.
 const FEWEST: usize = 16;
 
@@ -55,7 +58,7 @@ fn ladder<'a>(
             })
             .collect(),
         Mesher::Uniform | Mesher::Graded => (0..)
-            .map(|k| FEWEST << k)
+            .map(|k: i32| (FEWEST as f64 * STEP.powi(k)) as usize)
             .take_while(|n| *n < MOST_ELEMENTS)
             .map(|n| cell_step(scene, mesher, degree, CellSize::Elements(n)))
             .collect(),
@@ -320,6 +323,9 @@ pub(crate) fn steps(
                 let mut options = plain;
                 options.after[0] = Some(step);
                 let meshed = mesh(scene, &options, control)?;
+                if (control.should_stop)() {
+                    return Ok(rows);
+                }
                 let after = &meshed.direct;
                 rows.push(Step {
                     mesh: format!("{name}, degree 2, tolerance {tolerance:e}"),
