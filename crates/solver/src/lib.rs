@@ -13,5 +13,5 @@ pub use factors::{FactorOptions, FormFactors, NotClosed, Reciprocity, Repair, fo
 pub use field::{KINK_D1, KINK_D2, Light, Postponed, Progress, Receiver, ReceiverMesh, Sample};
 pub use limits::Limits;
 pub use radiosity::{
-    Power, RadiosityOptions, RadiositySolution, Reached, RowSums, solve_radiosity,
+    Gatherer, Power, RadiosityOptions, RadiositySolution, Reached, RowSums, solve_radiosity,
 };
