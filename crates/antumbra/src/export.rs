@@ -1,11 +1,15 @@
 //! From the engine's meshes to what the writers write.
 
 use crate::pipeline::ReceiverCurves;
+use antumbra_geom::Chart;
 use antumbra_io::model::{Curve, CurveEdge, FactorTable, Field, MeshedScene, SurfaceMesh};
 use antumbra_mesh::Order;
+use antumbra_mesh::cells::Beyond;
 use antumbra_scene::{EdgeId, FaceId, Scene, Surface, VertexId};
+use antumbra_solver::cells::{CellReceiverMesh, CellSolution};
 use antumbra_solver::{DirectSolution, FormFactors, ReceiverMesh};
 use antumbra_visibility::{CriticalCurve, Discontinuity, Event};
+use glam::DVec2;
 
 /// The meshes in file units with names, for the writers of [`crate::io`].
 ///
@@ -59,22 +63,108 @@ pub fn export_factors(
     }
 }
 
+/// Meshes of cells in file units with names, for the writers of [`crate::io`].
+///
+/// Fields are as for [`export`]; the only curves are borders.
+#[must_use]
+pub fn export_cells(scene: &Scene, solution: &CellSolution, provenance: &str) -> MeshedScene {
+    MeshedScene {
+        length_unit: scene.length_unit.symbol().to_owned(),
+        unit: scene.quantity.irradiance_unit().to_owned(),
+        n_bands: scene.n_bands,
+        surfaces: solution
+            .receivers
+            .iter()
+            .map(|mesh| cell_surface(scene, mesh))
+            .collect(),
+        provenance: provenance.to_owned(),
+    }
+}
+
 fn surface(scene: &Scene, mesh: &ReceiverMesh, curves: &ReceiverCurves) -> SurfaceMesh {
-    let face = scene.face(mesh.face);
-    let surface = scene.surface_of(mesh.face);
-    let nodes: Vec<_> = mesh
-        .nodes
-        .iter()
-        .map(|&uv| scene.frame.to_file(mesh.chart.to_space(uv)))
-        .collect();
+    let values = [mesh.direct.as_slice(), mesh.irradiance.as_slice()];
+    SurfaceMesh {
+        degree: mesh.degree,
+        elements: mesh.element_nodes.clone(),
+        element_errors: mesh.element_errors.clone(),
+        curve_edges: curve_edges(mesh),
+        curves: curve_table(scene, mesh.face, &curves.critical),
+        ..bare_surface(scene, mesh.face, &mesh.chart, &mesh.nodes, values)
+    }
+}
+
+fn cell_surface(scene: &Scene, mesh: &CellReceiverMesh) -> SurfaceMesh {
+    let (mut elements, mut quads) = (Vec::new(), Vec::new());
+    let (mut errors, mut quad_errors) = (Vec::new(), Vec::new());
+    let mut edges = Vec::new();
+    let loops = scene.loops_in_chart(mesh.face, &mesh.chart);
+    for (c, cell) in mesh.mesh.cells.iter().enumerate() {
+        let nodes = mesh.nodes_of(c);
+        let error = mesh.element_errors[c];
+        if cell.is_quadrilateral() {
+            quads.extend_from_slice(nodes);
+            quad_errors.push(error);
+        } else {
+            elements.extend_from_slice(nodes);
+            errors.push(error);
+        }
+        let n = cell.corners().len();
+        for k in (0..n).filter(|&k| mesh.mesh.beyond(c, k) == Beyond::Border) {
+            let [p, q] = cell.edge(k).map(|v| mesh.mesh.vertices[v as usize]);
+            edges.push(CurveEdge {
+                ends: [nodes[k], nodes[(k + 1) % n]],
+                curves: vec![nearest_loop(&loops, (p + q) / 2.0)],
+            });
+        }
+    }
+    errors.extend(quad_errors);
+    let values = [mesh.direct.as_slice(), mesh.irradiance.as_slice()];
+    SurfaceMesh {
+        degree: mesh.degree,
+        elements,
+        quads,
+        element_errors: errors,
+        curve_edges: edges,
+        curves: curve_table(scene, mesh.face, &[]),
+        ..bare_surface(scene, mesh.face, &mesh.chart, &mesh.nodes, values)
+    }
+}
+
+/// The loop of a border that a point is on.
+fn nearest_loop(loops: &[Vec<DVec2>], point: DVec2) -> u32 {
+    let distance = |l: &Vec<DVec2>| {
+        (0..l.len())
+            .map(|i| {
+                let (a, d) = (l[i], l[(i + 1) % l.len()] - l[i]);
+                let length_sq = d.length_squared().max(f64::MIN_POSITIVE);
+                let at = (d.dot(point - a) / length_sq).clamp(0.0, 1.0);
+                (a + d * at).distance(point)
+            })
+            .fold(f64::INFINITY, f64::min)
+    };
+    let by_distance = |a: &usize, b: &usize| distance(&loops[*a]).total_cmp(&distance(&loops[*b]));
+    (0..loops.len()).min_by(by_distance).unwrap_or(0) as u32
+}
+
+/// A face with its nodes and their values, without elements.
+///
+/// * `values` — direct irradiance, and irradiance with interreflection or nothing.
+fn bare_surface(
+    scene: &Scene,
+    face_id: FaceId,
+    chart: &Chart,
+    nodes: &[DVec2],
+    [direct, irradiance]: [&[f64]; 2],
+) -> SurfaceMesh {
+    let face = scene.face(face_id);
+    let surface = scene.surface_of(face_id);
     let mut fields = vec![Field {
         name: "direct".into(),
-        values: mesh.direct.clone(),
+        values: direct.to_vec(),
     }];
-    if !mesh.irradiance.is_empty() {
-        let material = scene.material(mesh.face);
-        let radiosity = mesh
-            .irradiance
+    if !irradiance.is_empty() {
+        let material = scene.material(face_id);
+        let radiosity = irradiance
             .iter()
             .enumerate()
             .map(|(i, e)| {
@@ -84,40 +174,30 @@ fn surface(scene: &Scene, mesh: &ReceiverMesh, curves: &ReceiverCurves) -> Surfa
             .collect();
         fields.push(Field {
             name: "irradiance".into(),
-            values: mesh.irradiance.clone(),
+            values: irradiance.to_vec(),
         });
         fields.push(Field {
             name: "radiosity".into(),
             values: radiosity,
         });
     }
+    let in_file = |p| scene.frame.to_file(p);
     SurfaceMesh {
         name: surface.name.clone(),
-        part: (mesh.face.0 - surface.faces.start) as usize,
+        part: (face_id.0 - surface.faces.start) as usize,
         is_back: face.is_back,
         normal: face.normal,
         loops: face
             .loops()
-            .map(|l| {
-                scene
-                    .positions(l)
-                    .into_iter()
-                    .map(|p| scene.frame.to_file(p))
-                    .collect()
-            })
+            .map(|l| scene.positions(l).into_iter().map(in_file).collect())
             .collect(),
-        degree: mesh.degree,
-        nodes_2d: mesh
-            .nodes
+        nodes: nodes
             .iter()
-            .map(|&uv| uv / scene.frame.scale)
+            .map(|&uv| in_file(chart.to_space(uv)))
             .collect(),
-        nodes,
-        elements: mesh.element_nodes.clone(),
+        nodes_2d: nodes.iter().map(|&uv| uv / scene.frame.scale).collect(),
         fields,
-        element_errors: mesh.element_errors.clone(),
-        curve_edges: curve_edges(mesh),
-        curves: curve_table(scene, mesh, curves),
+        ..SurfaceMesh::default()
     }
 }
 
@@ -151,8 +231,8 @@ fn curve_edges(mesh: &ReceiverMesh) -> Vec<CurveEdge> {
 /// Arcs are drawn as chords this close to them, relative to their surface.
 const DRAWN: f64 = 1e-4;
 
-fn curve_table(scene: &Scene, mesh: &ReceiverMesh, curves: &ReceiverCurves) -> Vec<Curve> {
-    let face = scene.face(mesh.face);
+fn curve_table(scene: &Scene, face_id: FaceId, critical: &[CriticalCurve]) -> Vec<Curve> {
+    let face = scene.face(face_id);
     let border = face.loops().map(|l| {
         let mut points: Vec<_> = scene
             .positions(l)
@@ -164,11 +244,11 @@ fn curve_table(scene: &Scene, mesh: &ReceiverMesh, curves: &ReceiverCurves) -> V
             kind: "border".into(),
             order: "border".into(),
             emitter: None,
-            generators: format!("border of {}", scene.surface_of(mesh.face).name),
+            generators: format!("border of {}", scene.surface_of(face_id).name),
             points,
         }
     });
-    let critical = curves.critical.iter().map(|curve| Curve {
+    let critical = critical.iter().map(|curve| Curve {
         kind: curve.kind().key().into(),
         order: order_key(curve.kind().discontinuity()).into(),
         emitter: curve.emitter.map(|f| scene.surface_of(f).name.clone()),

@@ -54,9 +54,11 @@ pub use antumbra_visibility::{
     self as visibility, CriticalCurve, Discontinuity, Evaluator, Event, EventKind, EventKinds,
     Scratch,
 };
-pub use export::{export, export_factors, generators, mesh_order_key, order_key};
+pub use export::{export, export_cells, export_factors, generators, mesh_order_key, order_key};
 pub use light::ExactLight;
-pub use mesher::{CellMeshed, CellOptions, CellSize, Mesher, cell_meshes, mesh_cells};
+pub use mesher::{
+    CellMeshed, CellOptions, CellSize, CellSolved, Mesher, cell_meshes, mesh_cells, solve_cells,
+};
 pub use pipeline::{
     Control, Error, EventCounts, Events, MOST_STEPS, Meshed, Options, Phase, ReceiverCurves,
     Solved, factors, mesh, plan, solve,

@@ -1,16 +1,19 @@
 //! The mesh generators, and how those that know nothing of shadows are set up.
 
 use crate::light::ExactLight;
-use crate::pipeline::{Control, Error, Phase, contact_radius, hot_spots};
+use crate::pipeline::{
+    Control, Error, Options, Phase, Solved, contact_radius, hot_spots, solve_on,
+};
 use antumbra_geom::{Chart, Stop};
 use antumbra_mesh::MeshError;
 use antumbra_mesh::cells::{CellForest, CellShape, Rule, graded, uniform};
 use antumbra_scene::{FaceId, Scene};
-use antumbra_solver::Tolerance;
 use antumbra_solver::cells::{
     CellDirectOptions, CellGoal, CellMeshes, CellReceiver, CellRefinement, CellSolution, Estimator,
+    Other,
 };
-use antumbra_visibility::{Evaluator, EventKind, EventKinds, critical_curves_until};
+use antumbra_solver::{Gatherer, Light, RadiosityOptions, Sample, Tolerance};
+use antumbra_visibility::{Approach, Evaluator, EventKind, EventKinds, critical_curves_until};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -192,7 +195,129 @@ pub fn mesh_cells(
     })
 }
 
-/// The same, unfinished: to be asked for estimates and true errors of its elements.
+/// A scene solved on meshes of cells.
+#[derive(Debug)]
+pub struct CellSolved {
+    /// One mesh per face of the scene, in their order, with `irradiance` on the nodes
+    /// unless there was no time for it.
+    pub cells: CellSolution,
+    /// The generator.
+    pub mesher: Mesher,
+    /// The radiosities of the patches that irradiance was gathered from, on a mesh of
+    /// their own.
+    pub patches: Solved,
+}
+
+/// Meshes a scene with cells, with exact direct irradiance and gathered indirect
+/// irradiance at the nodes.
+///
+/// The radiosity of patches is solved for first, as [`solve`](crate::solve) does. Then
+/// every node gathers from the patches with exact visibility. [`Mesher::Adaptive`] splits
+/// elements until irradiance *with* interreflection is within the tolerance, and what is
+/// new gathers from the old radiosities; the others follow direct light.
+///
+/// # Errors
+///
+/// [`Error`] if a face cannot be meshed.
+///
+/// # Panics
+///
+/// If the mesher is [`Mesher::Discontinuity`].
+///
+/// # Source
+///
+/// Patches and elements: Cohen, Greenberg, Immel & Brock 1986.
+pub fn solve_cells(
+    scene: &Scene,
+    options: &CellOptions,
+    radiosity: &RadiosityOptions,
+    control: &Control<'_>,
+) -> Result<CellSolved, Error> {
+    (control.progress)(Phase::Events, 0.0);
+    let evaluator = Evaluator::new(scene);
+    let light = ExactLight::new_until(&evaluator, control.stop());
+    let patches = Options {
+        tolerance: match options.size {
+            CellSize::Tolerance(tolerance) => tolerance,
+            CellSize::Length(_) | CellSize::Elements(_) => Options::default().tolerance,
+        },
+        radiosity: *radiosity,
+        ..Options::default()
+    };
+    let patches = solve_on(&evaluator, &light, &patches, control)?;
+    let gatherer = patches.radiosity.gatherer(&evaluator, control.stop());
+    let total = TotalLight {
+        direct: &light,
+        gatherer,
+    };
+    let is_total = options.mesher == Mesher::Adaptive && total.gatherer.is_some();
+    let driver: &dyn Light = if is_total { &total } else { &light };
+    let meshes = cell_meshes_for(&evaluator, driver, options, control)?;
+    let other = if is_total {
+        Other::Direct(&light)
+    } else {
+        Other::Total(&total)
+    };
+    let cells = if total.gatherer.is_some() {
+        meshes.finish_solved(other, control.stop())
+    } else {
+        meshes.finish()
+    };
+    drop(total);
+    Ok(CellSolved {
+        cells,
+        mesher: options.mesher,
+        patches,
+    })
+}
+
+/// Direct light and what is gathered from a solution.
+struct TotalLight<'a> {
+    direct: &'a ExactLight<'a, 'a>,
+    gatherer: Option<Gatherer<'a, 'a, 'a>>,
+}
+
+impl Light for TotalLight<'_> {
+    fn n_bands(&self) -> usize {
+        self.direct.n_bands()
+    }
+
+    fn irradiance(
+        &self,
+        receiver: FaceId,
+        samples: &[Sample],
+        radius: f64,
+        stop: Stop<'_>,
+    ) -> Option<Vec<f64>> {
+        let mut values = self.direct.irradiance(receiver, samples, radius, stop)?;
+        if let Some(gatherer) = &self.gatherer {
+            let points: Vec<_> = samples
+                .iter()
+                .map(|sample| {
+                    let approach = sample.toward.map(|toward| Approach { toward, radius });
+                    (receiver.index(), sample.point, approach)
+                })
+                .collect();
+            let indirect = gatherer.gather_until(&points, stop);
+            for (values, indirect) in values.chunks_exact_mut(self.n_bands()).zip(indirect) {
+                for (value, indirect) in values.iter_mut().zip(indirect?) {
+                    *value += indirect;
+                }
+            }
+        }
+        Some(values)
+    }
+
+    fn reaches(&self, receiver: FaceId) -> bool {
+        self.gatherer.is_some() || self.direct.reaches(receiver)
+    }
+
+    fn rounding(&self) -> f64 {
+        self.direct.rounding()
+    }
+}
+
+/// Meshes of cells with direct light, unfinished: to be asked for estimates and true errors of its elements.
 ///
 /// # Errors
 ///
@@ -207,13 +332,23 @@ pub fn cell_meshes(
     options: &CellOptions,
     control: &Control<'_>,
 ) -> Result<CellMeshes, Error> {
+    cell_meshes_for(evaluator, light, options, control)
+}
+
+/// * `driver` — the light that is meshed for.
+fn cell_meshes_for(
+    evaluator: &Evaluator<'_>,
+    driver: &dyn Light,
+    options: &CellOptions,
+    control: &Control<'_>,
+) -> Result<CellMeshes, Error> {
     assert!(
         options.mesher != Mesher::Discontinuity,
         "the discontinuity mesh has no cells"
     );
     (control.progress)(Phase::Arrangement, 0.0);
     let scene = evaluator.scene();
-    let (size, goal) = start(scene, light, options);
+    let (size, goal) = start(scene, driver, options);
     let faces: Vec<FaceId> = scene.face_ids().collect();
     let receivers: Vec<CellReceiver> = faces
         .par_iter()
@@ -221,7 +356,7 @@ pub fn cell_meshes(
             let chart = scene.chart(face);
             let forest = forest(
                 evaluator,
-                light,
+                driver,
                 face,
                 &chart,
                 size,
@@ -251,7 +386,7 @@ pub fn cell_meshes(
     };
     Ok(CellMeshes::solve(
         receivers,
-        light,
+        driver,
         &direct,
         &control.limits(),
         &|_, done| (control.progress)(Phase::Irradiance, done),
@@ -272,14 +407,8 @@ enum StartSize {
 }
 
 /// With what size elements begin, and when refinement ends.
-fn start(
-    scene: &Scene,
-    light: &ExactLight<'_, '_>,
-    options: &CellOptions,
-) -> (StartSize, CellGoal) {
-    let lit = scene
-        .face_ids()
-        .filter(|&f| light.view(f).sees_any_emitter());
+fn start(scene: &Scene, light: &dyn Light, options: &CellOptions) -> (StartSize, CellGoal) {
+    let lit = scene.face_ids().filter(|&f| light.reaches(f));
     let area: f64 = lit.map(|f| scene.face(f).area).sum();
     let triangle = match options.shape {
         CellShape::Triangles => 3f64.sqrt() / 4.0,
@@ -310,7 +439,7 @@ fn start(
 /// The cells of a receiver to begin with.
 fn forest(
     evaluator: &Evaluator<'_>,
-    light: &ExactLight<'_, '_>,
+    light: &dyn Light,
     face: FaceId,
     chart: &Chart,
     size: StartSize,
@@ -326,7 +455,7 @@ fn forest(
             (min.min(p), max.max(p))
         });
     let diagonal = (max - min).length();
-    let is_lit = light.view(face).sees_any_emitter();
+    let is_lit = light.reaches(face);
     let size = match size {
         // Where no light falls, one size is as good as any other.
         _ if !is_lit => COARSEST * diagonal,

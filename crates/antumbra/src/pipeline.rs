@@ -275,12 +275,22 @@ pub fn solve(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<
     (control.progress)(Phase::Events, 0.0);
     let evaluator = Evaluator::new(scene);
     let light = ExactLight::new_until(&evaluator, control.stop());
-    let direct = direct(&evaluator, &light, options, Quantity::Total, control)?;
+    solve_on(&evaluator, &light, options, control)
+}
+
+/// The same, with what is prepared already.
+pub(crate) fn solve_on(
+    evaluator: &Evaluator<'_>,
+    light: &ExactLight<'_, '_>,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Solved, Error> {
+    let direct = direct(evaluator, light, options, Quantity::Total, control)?;
     (control.progress)(Phase::Radiosity, 0.0);
     // Interreflection of a coarse mesh would be that of another scene.
     let receivers = match direct.meshes.ended() {
         Ended::Stopped => None,
-        _ => contact_receivers(&evaluator, control.stop())?,
+        _ => contact_receivers(evaluator, control.stop())?,
     };
     let mut radiosity_options = RadiosityOptions {
         tolerance: match options.tolerance {
@@ -293,10 +303,10 @@ pub fn solve(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<
         radiosity_options.most_sweeps = 0;
     }
     let radiosity = solve_radiosity(
-        &evaluator,
+        evaluator,
         direct.meshes,
         receivers,
-        &light,
+        light,
         &radiosity_options,
         &control.limits(),
         &|done| (control.progress)(Phase::Radiosity, done),

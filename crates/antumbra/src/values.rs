@@ -3,7 +3,8 @@
 use crate::light::ExactLight;
 use crate::pipeline::Control;
 use antumbra_scene::{FaceId, Scene, SurfaceId};
-use antumbra_solver::{DirectSolution, RadiositySolution};
+use antumbra_solver::RadiositySolution;
+use antumbra_solver::cells::DirectMesh;
 use antumbra_visibility::{Evaluator, Scratch};
 use glam::DVec3;
 
@@ -127,10 +128,10 @@ pub fn exact_free(
 
 /// Interpolated direct irradiance per band; `None` outside the mesh.
 #[must_use]
-pub fn on_mesh(solution: &DirectSolution, place: &Place) -> Option<Vec<f64>> {
-    let mesh = &solution.receivers[place.face.index()];
-    let (element, at) = mesh.locate(mesh.chart.to_chart(place.point))?;
-    Some(mesh.direct_at(element, at))
+pub fn on_mesh(solution: &dyn DirectMesh, place: &Place) -> Option<Vec<f64>> {
+    let receiver = place.face.index();
+    let uv = solution.chart(receiver).to_chart(place.point);
+    solution.direct_at(receiver, uv)
 }
 
 /// Irradiance with interreflection per band at several places: exact direct light

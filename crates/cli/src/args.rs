@@ -1,7 +1,12 @@
 //! The command line.
 
+use crate::failure::Failure;
+use antumbra::cells::CellShape;
 use antumbra::scene::LengthUnit;
-use antumbra::{AfterStep, EventKind, EventKinds, Events, MOST_STEPS, Tolerance};
+use antumbra::{
+    AfterStep, CellOptions, CellSize, Estimator, EventKind, EventKinds, Events, MOST_STEPS, Mesher,
+    Tolerance,
+};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -126,14 +131,31 @@ pub(crate) struct Meshing {
     /// ve, ee, eee, facet, horizon, contact. Contacts always are.
     #[arg(long, value_name = "KINDS", value_parser = events, default_value = "auto")]
     pub(crate) events: Events,
-    /// The mesh generator.
-    #[arg(long, value_name = "NAME", default_value = "discontinuity")]
+    /// The mesh generator: discontinuity, or one that knows nothing of shadows: uniform,
+    /// graded (smaller near edges and emitters), quadtree (with T-vertices, which crack),
+    /// restricted (neighbours differ by one level), tri-quadtree (T-vertices resolved by
+    /// triangles) or adaptive (elements out of tolerance are split).
+    #[arg(long, value_name = "NAME", value_parser = mesher, default_value = "discontinuity")]
     pub(crate) mesher: Mesher,
     /// Steps after meshing, one after the other: a list of relocate (nodes move to where
-    /// elements err most), split, elevate (the degree rises), halve (all elements). A step that does not lower the
-    /// measured error on a surface is taken back there.
+    /// elements err most), split, elevate (the degree rises), halve (all elements). A step that
+    /// does not lower the measured error on a surface is taken back there.
     #[arg(long, value_name = "STEPS", value_parser = steps, default_value = "", hide_default_value = true)]
     pub(crate) then: Steps,
+    /// Elements of the other generators: triangles, quads or mixed (the default).
+    #[arg(long, value_name = "SHAPE", value_parser = cell_shape, help_heading = "Other mesh generators")]
+    pub(crate) cells: Option<CellShape>,
+    /// What refinement of the other generators follows: measured (the default), neighbours,
+    /// gradient, higher-order or residual.
+    #[arg(long, value_name = "NAME", value_parser = estimator, help_heading = "Other mesh generators")]
+    pub(crate) estimator: Option<Estimator>,
+    /// Elements of this size instead of a tolerance, in the unit of the file; where
+    /// refinement follows the error, as many as the uniform mesh of this size has.
+    #[arg(long, value_name = "LENGTH", value_parser = positive, conflicts_with_all = ["elements", "tolerance_abs"], help_heading = "Other mesh generators")]
+    pub(crate) element_size: Option<f64>,
+    /// About so many elements on surfaces that light reaches, instead of a tolerance.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000_000), conflicts_with = "tolerance_abs", help_heading = "Other mesh generators")]
+    pub(crate) elements: Option<u64>,
     #[command(flatten)]
     pub(crate) limits: Limits,
 }
@@ -153,7 +175,7 @@ pub(crate) struct Limits {
 }
 
 impl Meshing {
-    pub(crate) fn options(&self) -> antumbra::Options {
+    fn options(&self) -> antumbra::Options {
         antumbra::Options {
             tolerance: match self.tolerance_abs {
                 Some(absolute) => Tolerance::Absolute(absolute),
@@ -167,9 +189,68 @@ impl Meshing {
     }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Mesher {
-    Discontinuity,
+/// A mesh generator with its options.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Generator {
+    Discontinuity(antumbra::Options),
+    Cells(CellOptions),
+}
+
+impl Meshing {
+    /// The generator asked for, if its options make sense together.
+    pub(crate) fn generator(&self) -> Result<Generator, Failure> {
+        let mesher = self.mesher.key();
+        if self.mesher == Mesher::Discontinuity {
+            let given = [
+                ("--cells", self.cells.is_some()),
+                ("--estimator", self.estimator.is_some()),
+                ("--element-size", self.element_size.is_some()),
+                ("--elements", self.elements.is_some()),
+            ];
+            return match given.into_iter().find(|g| g.1) {
+                Some((option, _)) => Err(Failure::usage(format!(
+                    "{option} is for other mesh generators than {mesher}: give --mesher NAME"
+                ))),
+                None => Ok(Generator::Discontinuity(self.options())),
+            };
+        }
+        if self.events != Events::OnDemand {
+            return Err(Failure::usage(format!(
+                "--events is for --mesher discontinuity: {mesher} puts no curves into the mesh"
+            )));
+        }
+        if self.then.0[0].is_some() {
+            return Err(Failure::usage(format!(
+                "--then is for --mesher discontinuity: {mesher} is refined as it is made"
+            )));
+        }
+        let options = self.options();
+        let size = match (self.element_size, self.elements) {
+            (Some(length), _) => CellSize::Length(length),
+            (None, Some(n)) => CellSize::Elements(usize::try_from(n).unwrap_or(usize::MAX)),
+            (None, None) => CellSize::Tolerance(options.tolerance),
+        };
+        let default = CellOptions::default();
+        Ok(Generator::Cells(CellOptions {
+            mesher: self.mesher,
+            shape: self.cells.unwrap_or(default.shape),
+            degree: self.degree.0,
+            size,
+            estimator: self.estimator.unwrap_or(default.estimator),
+            ..default
+        }))
+    }
+
+    /// The options of the discontinuity mesh, for commands that know no other.
+    pub(crate) fn discontinuity(&self, command: &str) -> Result<antumbra::Options, Failure> {
+        match self.generator()? {
+            Generator::Discontinuity(options) => Ok(options),
+            Generator::Cells(cells) => Err(Failure::usage(format!(
+                "--mesher {}: {command} is for the discontinuity mesh alone",
+                cells.mesher.key()
+            ))),
+        }
+    }
 }
 
 /// Steps after meshing.
@@ -268,8 +349,8 @@ pub(crate) struct Study {
     pub(crate) finest: f64,
     /// Mesh generators: a list of uniform, graded, quadtree, restricted, tri-quadtree,
     /// adaptive, discontinuity.
-    #[arg(long, value_name = "NAMES", value_parser = mesher, value_delimiter = ',', default_values_t = antumbra::Mesher::ALL, hide_default_value = true)]
-    pub(crate) meshers: Vec<antumbra::Mesher>,
+    #[arg(long, value_name = "NAMES", value_parser = mesher, value_delimiter = ',', default_values_t = Mesher::ALL, hide_default_value = true)]
+    pub(crate) meshers: Vec<Mesher>,
     /// Degrees of the elements: a list of 1, 2, 3, 4.
     #[arg(long, value_name = "LIST", value_parser = clap::value_parser!(u8).range(1..=4), value_delimiter = ',', default_value = "1,2,3,4")]
     pub(crate) degrees: Vec<u8>,
@@ -454,19 +535,31 @@ fn steps(text: &str) -> Result<Steps, String> {
     Ok(steps)
 }
 
-fn mesher(text: &str) -> Result<antumbra::Mesher, String> {
-    antumbra::Mesher::from_key(text).ok_or_else(|| {
-        let keys: Vec<&str> = antumbra::Mesher::ALL.iter().map(|m| m.key()).collect();
-        format!("'{text}' is no mesh generator: {}", keys.join(", "))
-    })
-}
-
 fn degree(text: &str) -> Result<Degree, String> {
     match text {
         "auto" => Ok(Degree(None)),
         "1" | "2" | "3" | "4" => Ok(Degree(text.parse().ok())),
         _ => Err("1, 2, 3, 4 or auto is allowed".into()),
     }
+}
+
+fn mesher(text: &str) -> Result<Mesher, String> {
+    let keys = || Mesher::ALL.map(Mesher::key).join(", ");
+    Mesher::from_key(text).ok_or_else(|| format!("one of {} is allowed", keys()))
+}
+
+fn cell_shape(text: &str) -> Result<CellShape, String> {
+    match text {
+        "triangles" => Ok(CellShape::Triangles),
+        "quads" => Ok(CellShape::Quadrilaterals),
+        "mixed" => Ok(CellShape::Mixed),
+        _ => Err("triangles, quads or mixed is allowed".into()),
+    }
+}
+
+fn estimator(text: &str) -> Result<Estimator, String> {
+    let keys = || Estimator::ALL.map(Estimator::key).join(", ");
+    Estimator::from_key(text).ok_or_else(|| format!("one of {} is allowed", keys()))
 }
 
 fn events(text: &str) -> Result<Events, String> {

@@ -3,6 +3,7 @@
 #![expect(clippy::print_stderr, reason = "a command line talks to its terminal")]
 
 mod args;
+mod cell_report;
 mod check;
 mod factors;
 mod failure;

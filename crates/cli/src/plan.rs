@@ -14,6 +14,7 @@ use std::time::Instant;
 
 pub(crate) fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     let common = &args.common;
+    let options = args.meshing.discontinuity("plan")?;
     let loaded = input::load(common)?;
     let watch = Watch::new(common);
     let quantity = if args.direct {
@@ -21,8 +22,7 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     } else {
         Quantity::Total
     };
-    let plan = watch
-        .run(|control| antumbra::plan(&loaded.scene, &args.meshing.options(), quantity, control));
+    let plan = watch.run(|control| antumbra::plan(&loaded.scene, &options, quantity, control));
     // A plan of some of the receivers would be none of the scene.
     if watch.should_stop() {
         let (ending, why) = watch.stopped();

@@ -4,7 +4,7 @@ use crate::Ending;
 use crate::args::Probe;
 use crate::failure::Failure;
 use crate::input;
-use crate::mesh::{self, Done, Work};
+use crate::mesh::{self, Work};
 use crate::progress::Watch;
 use crate::say::{self, say};
 use antumbra::values::{self, Place};
@@ -35,6 +35,7 @@ enum Target {
 
 pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
     let common = &probe.common;
+    let generator = probe.meshing.generator()?;
     let loaded = input::load(common)?;
     let scene = &loaded.scene;
     let (header, rows) = read_points(probe, scene)?;
@@ -65,8 +66,8 @@ pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
     let mut ending = Ending::Done;
     if probe.mesh || probe.solve {
         let work = if probe.solve { Work::Solve } else { Work::Mesh };
-        let done = mesh::compute(&loaded, &probe.meshing, &watch, work)?;
-        ending = mesh::ending(&watch, &done.as_report());
+        let done = mesh::compute(&loaded, &generator, &watch, work)?;
+        ending = mesh::ending(&watch, &done);
         let on_surface = |f: &dyn Fn(&Place) -> Option<Vec<f64>>| -> Vec<Option<Vec<f64>>> {
             rows.iter()
                 .map(|row| match &row.target {
@@ -76,18 +77,18 @@ pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
                 .collect()
         };
         if probe.mesh {
-            let meshes = done.as_report().meshes;
+            let meshes = done.mesh();
             columns.push((
                 "direct_mesh",
                 on_surface(&|place| values::on_mesh(meshes, place)),
             ));
         }
-        if let (true, Done::Solved(solved)) = (probe.solve, &done) {
+        if let (true, Some(radiosity)) = (probe.solve, done.radiosity()) {
             let places: Vec<Place> = rows.iter().filter_map(Row::place).collect();
             let evaluator = Evaluator::new(scene);
             let light = ExactLight::new(&evaluator);
             let found = watch.run(|control| {
-                values::solved_until(&light, &evaluator, &solved.radiosity, &places, control)
+                values::solved_until(&light, &evaluator, radiosity, &places, control)
             });
             is_cut_short |= found.iter().any(Option::is_none);
             let mut found = found.into_iter();

@@ -281,7 +281,7 @@ fn end(child: &mut Child) {
 pub(crate) fn try_once(args: &ReduceTry) -> Result<Ending, Failure> {
     let loaded = input::load(&args.common)?;
     let watch = Watch::new(&args.common);
-    let options = args.meshing.options();
+    let options = args.meshing.discontinuity("reduce")?;
     let meshed = watch
         .run(|control| antumbra::mesh(&loaded.scene, &options, control))
         .map_err(|e| Failure::internal(e.to_string()))?;

@@ -11,6 +11,7 @@ use crate::say::say;
 
 pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
     let common = &render.common;
+    let generator = render.meshing.generator()?;
     let formats = output::formats(&render.output, &[Format::Png, Format::Svg])?;
     let loaded = input::load(common)?;
     let work = if render.direct {
@@ -20,10 +21,9 @@ pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
     };
     output::check_look(&render.picture, &loaded.scene, work)?;
     let watch = Watch::new(common);
-    let done = mesh::compute(&loaded, &render.meshing, &watch, work)?;
-    let result = done.as_report();
+    let done = mesh::compute(&loaded, &generator, &watch, work)?;
     watch.finish();
-    let exported = result.export(&loaded);
+    let exported = done.export(&loaded);
     output::write_all(&render.output, formats, &exported, &render.picture)?;
     if !common.json && !common.quiet {
         for path in &render.output {
@@ -41,5 +41,5 @@ pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
             serde_json::json!({ "version": env!("CARGO_PKG_VERSION"), "written": written })
         );
     }
-    Ok(mesh::ending(&watch, &result))
+    Ok(mesh::ending(&watch, &done))
 }

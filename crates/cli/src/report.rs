@@ -1,12 +1,10 @@
 //! The report of `mesh` and `solve`.
 
-use crate::args::Meshing;
 use crate::input::Loaded;
 use crate::plan;
 use crate::progress::peak_memory;
-use antumbra::io::model::MeshedScene;
 use antumbra::{
-    DirectSolution, Ended, EventCounts, EventKind, Improvement, Phase, Plan, Progress,
+    DirectSolution, Ended, EventCounts, EventKind, Improvement, Mesher, Phase, Plan, Progress,
     RadiositySolution, Reached, ReceiverCurves, Scene, Tolerance, order_key,
 };
 use serde_json::{Map, Value, json};
@@ -35,25 +33,18 @@ impl Outcome<'_> {
                 .radiosity
                 .is_some_and(|r| r.reached != Reached::Finished)
     }
-
-    /// What files are written from.
-    pub(crate) fn export(&self, loaded: &Loaded) -> MeshedScene {
-        let generator = format!("antumbra {}", env!("CARGO_PKG_VERSION"));
-        antumbra::export(&loaded.scene, self.meshes, self.curves, &generator)
-    }
 }
 
 /// The document of `--json`.
 pub(crate) fn document(
     loaded: &Loaded,
-    meshing: &Meshing,
+    options: &antumbra::Options,
     result: &Outcome<'_>,
     phases: &[(&'static str, f64)],
     total: f64,
     stop: Option<Stop>,
 ) -> Value {
     let scene = &loaded.scene;
-    let options = meshing.options();
     let meshes = result.meshes;
     let n_elements: usize = meshes.receivers.iter().map(|r| r.n_elements()).sum();
     let n_nodes: usize = meshes.receivers.iter().map(|r| r.nodes.len()).sum();
@@ -72,11 +63,13 @@ pub(crate) fn document(
         "version": env!("CARGO_PKG_VERSION"),
         "length_unit": scene.length_unit.symbol(),
         "quantity": scene.quantity.name(),
+        "mesher": Mesher::Discontinuity.key(),
         "surfaces": scene.surfaces.len(),
         "emitters": scene.emitters().count(),
         "receivers": meshes.receivers.len(),
         "elements": n_elements,
         "nodes": n_nodes,
+        "t_vertices": 0,
         "degree": options.chosen_degree(),
         "exact_evaluations": n_evaluations,
         "tolerance": tolerance,
@@ -100,60 +93,17 @@ pub(crate) fn document(
         "threads": rayon::current_num_threads(),
         "warnings": loaded.warnings.iter().map(|w| w.message.clone()).chain(loaded.notes.iter().cloned()).collect::<Vec<_>>(),
     });
-    if let (Some(stop), Some(object)) = (stop, document.as_object_mut()) {
-        object.insert("stopped".into(), stopped(&stop, result));
-    }
-    if let (Some(radiosity), Some(object)) = (result.radiosity, document.as_object_mut()) {
-        if !radiosity.reached.has_values() {
-            for key in ["iterations", "residual", "measured_indirect_error", "power"] {
-                object.insert(key.into(), Value::Null);
-            }
-            object.insert("converged".into(), json!(false));
-            return document;
+    if let Some(object) = document.as_object_mut() {
+        let progress: Vec<Progress> = meshes.receivers.iter().map(|r| r.progress).collect();
+        if let Some(stop) = stop {
+            object.insert(
+                "stopped".into(),
+                stopped(&stop, &progress, result.radiosity),
+            );
         }
-        object.insert("iterations".into(), json!(radiosity.iterations));
-        object.insert("residual".into(), json!(radiosity.residual));
-        object.insert("converged".into(), json!(radiosity.is_converged));
-        object.insert(
-            "measured_indirect_error".into(),
-            json!(radiosity.measured_indirect_error),
-        );
-        object.insert(
-            "indirect".into(),
-            json!({
-                "elements": radiosity.indirect_elements,
-                "nodes": radiosity.indirect_nodes,
-                "visible_parts": radiosity.visible_parts,
-            }),
-        );
-        let power = &radiosity.power;
-        let balance = if power.emitted.is_empty() {
-            Value::Null
-        } else {
-            json!({
-                "emitted": bands(&power.emitted),
-                "absorbed": bands(&power.absorbed),
-                "escaped": bands(&power.escaped),
-                "imbalance": power.imbalance,
-            })
-        };
-        object.insert("power".into(), balance);
-        let sums: Vec<Value> = radiosity
-            .row_sums
-            .iter()
-            .map(|r| {
-                let surface = scene.surface_of(r.face);
-                json!({
-                    "surface": surface.name,
-                    "part": r.face.0 - surface.faces.start,
-                    "back": scene.face(r.face).is_back,
-                    "min": r.min,
-                    "max": r.max,
-                    "mean": r.mean,
-                })
-            })
-            .collect();
-        object.insert("row_sums".into(), json!(sums));
+        if let Some(radiosity) = result.radiosity {
+            interreflection(object, scene, radiosity);
+        }
     }
     document
 }
@@ -169,8 +119,66 @@ fn improvement(step: &Improvement) -> Value {
     })
 }
 
+/// What a solve adds to the report.
+pub(crate) fn interreflection(
+    object: &mut Map<String, Value>,
+    scene: &Scene,
+    radiosity: &RadiositySolution,
+) {
+    if !radiosity.reached.has_values() {
+        for key in ["iterations", "residual", "measured_indirect_error", "power"] {
+            object.insert(key.into(), Value::Null);
+        }
+        object.insert("converged".into(), json!(false));
+        return;
+    }
+    object.insert("iterations".into(), json!(radiosity.iterations));
+    object.insert("residual".into(), json!(radiosity.residual));
+    object.insert("converged".into(), json!(radiosity.is_converged));
+    object.insert(
+        "measured_indirect_error".into(),
+        json!(radiosity.measured_indirect_error),
+    );
+    object.insert(
+        "indirect".into(),
+        json!({
+            "elements": radiosity.indirect_elements,
+            "nodes": radiosity.indirect_nodes,
+            "visible_parts": radiosity.visible_parts,
+        }),
+    );
+    let power = &radiosity.power;
+    let balance = if power.emitted.is_empty() {
+        Value::Null
+    } else {
+        json!({
+            "emitted": bands(&power.emitted),
+            "absorbed": bands(&power.absorbed),
+            "escaped": bands(&power.escaped),
+            "imbalance": power.imbalance,
+        })
+    };
+    object.insert("power".into(), balance);
+    let sums: Vec<Value> = radiosity
+        .row_sums
+        .iter()
+        .map(|r| {
+            let surface = scene.surface_of(r.face);
+            json!({
+                "surface": surface.name,
+                "part": r.face.0 - surface.faces.start,
+                "back": scene.face(r.face).is_back,
+                "min": r.min,
+                "max": r.max,
+                "mean": r.mean,
+            })
+        })
+        .collect();
+    object.insert("row_sums".into(), json!(sums));
+}
+
 /// An error that was measured, unless there was nothing to measure it on.
-fn measured(n_elements: usize, error: f64) -> Value {
+pub(crate) fn measured(n_elements: usize, error: f64) -> Value {
     if n_elements > 0 {
         json!(error)
     } else {
@@ -179,17 +187,21 @@ fn measured(n_elements: usize, error: f64) -> Value {
 }
 
 /// How far the work got until it was stopped.
-fn stopped(stop: &Stop, result: &Outcome<'_>) -> Value {
+pub(crate) fn stopped(
+    stop: &Stop,
+    receivers: &[Progress],
+    radiosity: Option<&RadiositySolution>,
+) -> Value {
     let mut object = Map::new();
     object.insert("by".into(), json!(stop.why));
     object.insert("phase".into(), json!(stop.phase.map(Phase::name)));
-    let mut receivers = Map::new();
+    let mut counts = Map::new();
     for progress in PROGRESSES {
-        let n = n_with(result, progress);
-        receivers.insert(words(progress).into(), json!(n));
+        let n = receivers.iter().filter(|p| **p == progress).count();
+        counts.insert(words(progress).into(), json!(n));
     }
-    object.insert("receivers".into(), Value::Object(receivers));
-    if let Some(radiosity) = result.radiosity {
+    object.insert("receivers".into(), Value::Object(counts));
+    if let Some(radiosity) = radiosity {
         let (words, bytes) = match radiosity.reached {
             Reached::Finished => ("solved", None),
             Reached::Unfinished => ("solved coarsely", None),
@@ -211,7 +223,7 @@ const PROGRESSES: [Progress; 4] = [
     Progress::Nothing,
 ];
 
-fn words(progress: Progress) -> &'static str {
+pub(crate) fn words(progress: Progress) -> &'static str {
     match progress {
         Progress::Finished => "finished",
         Progress::Unfinished => "unfinished",
@@ -226,7 +238,7 @@ fn n_with(result: &Outcome<'_>, progress: Progress) -> usize {
 }
 
 /// One band as a number, several as an array.
-fn bands(values: &[f64]) -> Value {
+pub(crate) fn bands(values: &[f64]) -> Value {
     match values {
         [one] => json!(one),
         several => json!(several),
@@ -340,43 +352,50 @@ pub(crate) fn summary(report: &Value, result: &Outcome<'_>) -> String {
         ));
     }
     if let Some(radiosity) = result.radiosity {
-        match radiosity.reached {
-            Reached::Finished | Reached::Unfinished => {}
-            Reached::Nothing => {
-                text.push_str("\ninterreflection: not solved; the values are direct light only");
-                return text;
-            }
-            Reached::NoRoom(bytes) => {
-                text.push_str(&format!(
-                    "\ninterreflection: not solved, it needs {:.0} MB at least; the values are \
+        text.push_str(&interreflection_summary(report, radiosity));
+    }
+    text
+}
+
+/// What a solve adds to the summary.
+pub(crate) fn interreflection_summary(report: &Value, radiosity: &RadiositySolution) -> String {
+    let mut text = String::new();
+    match radiosity.reached {
+        Reached::Finished | Reached::Unfinished => {}
+        Reached::Nothing => {
+            text.push_str("\ninterreflection: not solved; the values are direct light only");
+            return text;
+        }
+        Reached::NoRoom(bytes) => {
+            text.push_str(&format!(
+                "\ninterreflection: not solved, it needs {:.0} MB at least; the values are \
                      direct light only",
-                    bytes as f64 / 1e6
-                ));
-                return text;
-            }
+                bytes as f64 / 1e6
+            ));
+            return text;
         }
-        let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
-        for row in &radiosity.row_sums {
-            (min, max) = (min.min(row.min), max.max(row.max));
-        }
-        text.push_str(&format!(
-            "\ninterreflection: {} iterations, residual {:.1e}, error at most {:.2e}\n\
+    }
+    let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
+    for row in &radiosity.row_sums {
+        (min, max) = (min.min(row.min), max.max(row.max));
+    }
+    text.push_str(&format!(
+        "\ninterreflection: {} iterations, residual {:.1e}, error at most {:.2e}\n\
              power: emitted {}, absorbed {}, escaped {}, imbalance {:.1e}\n\
              row sums, raw: {min:.6} to {max:.6}{}",
-            radiosity.iterations,
-            radiosity.residual,
-            radiosity.measured_indirect_error,
-            report["power"]["emitted"],
-            report["power"]["absorbed"],
-            report["power"]["escaped"],
-            radiosity.power.imbalance,
-            if radiosity.measured_indirect_error > report["tolerance"].as_f64().unwrap_or(0.0) {
-                "\nindirect light is above the tolerance where it bends sharply; that tolerance is \
+        radiosity.iterations,
+        radiosity.residual,
+        radiosity.measured_indirect_error,
+        report["power"]["emitted"],
+        report["power"]["absorbed"],
+        report["power"]["escaped"],
+        radiosity.power.imbalance,
+        if radiosity.measured_indirect_error > report["tolerance"].as_f64().unwrap_or(0.0) {
+            "\nindirect light is above the tolerance where it bends sharply; that tolerance is \
                  promised for direct light only"
-            } else {
-                ""
-            },
-        ));
-    }
+        } else {
+            ""
+        },
+    ));
     text
 }

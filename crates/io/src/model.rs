@@ -42,9 +42,13 @@ pub struct SurfaceMesh {
     /// order: corners counter-clockwise from the front, then edges 0–1, 1–2, 2–0,
     /// then inside.
     pub elements: Vec<u32>,
+    /// Nodes of quadrilateral elements, (degree+1)² each, in VTK's Lagrange order: corners
+    /// counter-clockwise from the front, then edges 0–1, 1–2, 3–2, 0–3, then inside row by
+    /// row. They are numbered after the triangles of `elements`.
+    pub quads: Vec<u32>,
     /// Fields on the nodes: `direct`, and after a solve `irradiance` and `radiosity`.
     pub fields: Vec<Field>,
-    /// Measured error of every element, relative to the peak.
+    /// Measured error of every element, triangles first, relative to the peak.
     pub element_errors: Vec<f64>,
     /// Mesh edges that lie on curves.
     pub curve_edges: Vec<CurveEdge>,
@@ -86,11 +90,33 @@ pub struct Curve {
 }
 
 impl SurfaceMesh {
-    /// Nodes per element.
+    /// Nodes per triangle.
     #[must_use]
     pub fn nodes_per_element(&self) -> usize {
         let p = usize::from(self.degree);
         (p + 1) * (p + 2) / 2
+    }
+
+    /// Nodes per quadrilateral.
+    #[must_use]
+    pub fn nodes_per_quad(&self) -> usize {
+        let p = usize::from(self.degree);
+        (p + 1) * (p + 1)
+    }
+
+    /// How many elements there are: triangles, then quadrilaterals.
+    #[must_use]
+    pub fn n_elements(&self) -> usize {
+        self.elements.len() / self.nodes_per_element() + self.quads.len() / self.nodes_per_quad()
+    }
+
+    /// The nodes of every element, triangles first, and whether it is a quadrilateral.
+    pub fn each_element(&self) -> impl Iterator<Item = (&[u32], bool)> {
+        let triangles = self.elements.chunks_exact(self.nodes_per_element());
+        let quads = self.quads.chunks_exact(self.nodes_per_quad());
+        triangles
+            .map(|nodes| (nodes, false))
+            .chain(quads.map(|nodes| (nodes, true)))
     }
 
     /// The field with this name.

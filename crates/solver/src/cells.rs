@@ -98,6 +98,24 @@ pub enum CellEnded {
     Stopped,
 }
 
+/// The light that meshes were not made for.
+#[derive(Clone, Copy)]
+pub enum Other<'a> {
+    /// They were made for direct light: this is all light.
+    Total(&'a dyn Light),
+    /// They were made for all light: this is direct light.
+    Direct(&'a dyn Light),
+}
+
+impl std::fmt::Debug for Other<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Total(_) => "Total",
+            Self::Direct(_) => "Direct",
+        })
+    }
+}
+
 /// Memory that a node takes with what belongs to it, about.
 const BYTES_PER_NODE: u64 = 200;
 
@@ -574,7 +592,16 @@ impl CellMeshes {
     /// Packs the meshes and sums up what was measured.
     #[must_use]
     pub fn finish(self) -> CellSolution {
-        mesh::finish(self)
+        mesh::finish(self, None, Stop::NEVER)
+    }
+
+    /// The same after a solve, with direct light and irradiance with interreflection.
+    ///
+    /// What is not known yet of the two is evaluated at the nodes. If it is stopped, some
+    /// receivers have no `irradiance`.
+    #[must_use]
+    pub fn finish_solved(self, other: Other<'_>, stop: Stop<'_>) -> CellSolution {
+        mesh::finish(self, Some(other), stop)
     }
 }
 

@@ -15,5 +15,5 @@ pub use field::{KINK_D1, KINK_D2, Light, Postponed, Progress, Receiver, Receiver
 pub use limits::Limits;
 pub use posterior::{AfterStep, Improvement};
 pub use radiosity::{
-    Power, RadiosityOptions, RadiositySolution, Reached, RowSums, solve_radiosity,
+    Gatherer, Power, RadiosityOptions, RadiositySolution, Reached, RowSums, solve_radiosity,
 };

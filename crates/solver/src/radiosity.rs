@@ -176,12 +176,56 @@ impl RadiositySolution {
         points: &[(usize, DVec3)],
         stop: Stop<'_>,
     ) -> Vec<Option<Vec<f64>>> {
-        let layer = &self.layer;
-        let scene = evaluator.scene();
-        if !self.reached.has_values() {
-            return vec![None; points.len()];
+        let points: Vec<_> = points.iter().map(|&(r, p)| (r, p, None)).collect();
+        match self.gatherer(evaluator, stop) {
+            Some(gatherer) => gatherer.gather_until(&points, stop),
+            None => vec![None; points.len()],
         }
-        let pairs = Pairs::new(evaluator, &layer.fields, stop);
+    }
+
+    /// Prepared to gather at points again and again; nothing without interreflection.
+    ///
+    /// If it was stopped, not all is known of which faces see each other, and what is
+    /// gathered is of no use.
+    #[must_use]
+    pub fn gatherer<'a, 'e, 's>(
+        &'a self,
+        evaluator: &'e Evaluator<'s>,
+        stop: Stop<'_>,
+    ) -> Option<Gatherer<'a, 'e, 's>> {
+        self.reached.has_values().then(|| Gatherer {
+            layer: &self.layer,
+            pairs: Pairs::new(evaluator, &self.layer.fields, stop),
+        })
+    }
+}
+
+/// Gathers indirect irradiance from a solution, with exact visibility.
+pub struct Gatherer<'a, 'e, 's> {
+    layer: &'a Layer,
+    pairs: Pairs<'e, 's>,
+}
+
+impl std::fmt::Debug for Gatherer<'_, '_, '_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Gatherer")
+    }
+}
+
+impl Gatherer<'_, '_, '_> {
+    /// Indirect irradiance per band at points of faces; `None` for points that were not
+    /// reached when it was stopped.
+    ///
+    /// * `points` — a receiver's position, a point in scene units, and from where the
+    ///   limit is taken at borders and contacts.
+    #[must_use]
+    pub fn gather_until(
+        &self,
+        points: &[(usize, DVec3, Option<Approach>)],
+        stop: Stop<'_>,
+    ) -> Vec<Option<Vec<f64>>> {
+        let layer = self.layer;
+        let scene = self.pairs.evaluator.scene();
         points
             .par_iter()
             .map_init(
@@ -193,16 +237,16 @@ impl RadiositySolution {
                         vec![0.0; scene.n_bands],
                     )
                 },
-                |(scratch, row, first), &(receiver, point)| {
+                |(scratch, row, first), &(receiver, point, approach)| {
                     row.fill(0.0);
                     first.fill(0.0);
                     let mut gathered = Gathered { row, first };
                     let system = &layer.system;
-                    pairs.gather_until(
+                    self.pairs.gather_until(
                         &system.sources,
                         receiver,
                         point,
-                        None,
+                        approach.as_ref(),
                         scratch,
                         &mut gathered,
                         stop,

@@ -27,7 +27,7 @@ use std::io::{Error, Result, Write};
 use antumbra_geom::{DVec2, DVec3, dvec2};
 
 use crate::model::{MeshedScene, SurfaceMesh};
-use crate::write::lattice::Basis;
+use crate::write::lattice::{Basis, QuadBasis};
 use crate::write::{ORDERS, check, field_names, labels, one_line, order_number, strongest};
 use canvas::{Canvas, Mask};
 use colormap::rgb;
@@ -160,7 +160,7 @@ pub fn write_png(picture: &Picture, out: &mut impl Write) -> Result<()> {
 
 /// The surfaces of a map: by label, otherwise all fronts by this name.
 fn shown_surfaces(scene: &MeshedScene, name: &str) -> Vec<usize> {
-    let has_mesh = |i: &usize| !scene.surfaces[*i].elements.is_empty();
+    let has_mesh = |i: &usize| scene.surfaces[*i].n_elements() > 0;
     let all = (0..scene.surfaces.len()).filter(has_mesh);
     let labels = labels(scene);
     let by_label: Vec<usize> = all.clone().filter(|&i| labels[i] == name).collect();
@@ -272,6 +272,7 @@ impl<'a> Renderer<'a> {
         let shader = Shader {
             values: &self.values,
             bases: [1, 2, 3, 4].map(Basis::new),
+            quad_bases: [1, 2, 3, 4].map(QuadBasis::new),
             scale: self.scale,
             color_map: self.options.color_map,
             isolux: self.options.isolux,
@@ -476,9 +477,11 @@ impl<'a> Renderer<'a> {
         let mut mask = self.mask();
         let width = 0.7 * self.layout.line_width();
         for surface in self.visible_surfaces(camera) {
-            for element in surface.elements.chunks_exact(surface.nodes_per_element()) {
-                for [a, b] in [[0, 1], [1, 2], [2, 0]] {
-                    let ends = [element[a], element[b]].map(|n| surface.nodes[n as usize]);
+            for (element, is_quad) in surface.each_element() {
+                let n = if is_quad { 4 } else { 3 };
+                for k in 0..n {
+                    let ends = [element[k], element[(k + 1) % n]];
+                    let ends = ends.map(|node| surface.nodes[node as usize]);
                     Self::segment(&mut mask, camera, ends, width, Some(buffer));
                 }
             }

@@ -10,7 +10,7 @@ use antumbra_geom::{DVec2, DVec3, dvec2};
 use super::colormap::{ColorMap, Scale};
 use super::view::Camera;
 use crate::model::{MeshedScene, SurfaceMesh};
-use crate::write::lattice::{Basis, MAX_NODES};
+use crate::write::lattice::{Basis, MAX_NODES, QuadBasis};
 
 /// Nothing is seen here.
 const NOTHING: u32 = u32::MAX;
@@ -23,8 +23,9 @@ const ISOLUX_HALF_WIDTH: f64 = 0.6;
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     surface: u32,
-    /// Where its nodes start in the surface's list.
+    /// Where its nodes start in the surface's list: of triangles, or of quadrilaterals.
     start: u32,
+    is_quad: bool,
 }
 
 /// What is seen in every sample.
@@ -71,22 +72,30 @@ impl<'a> DepthBuffer<'a> {
     }
 
     fn enter(&mut self, index: usize, surface: &SurfaceMesh) {
-        let n_nodes = surface.nodes_per_element();
-        for (i, element) in surface.elements.chunks_exact(n_nodes).enumerate() {
-            let corners = [0, 1, 2].map(|k| surface.nodes[element[k] as usize]);
+        let mut starts = [0, 0];
+        for (element, is_quad) in surface.each_element() {
+            let n_corners = if is_quad { 4 } else { 3 };
+            let corners: Vec<DVec3> = element[..n_corners]
+                .iter()
+                .map(|&n| surface.nodes[n as usize])
+                .collect();
+            let start = &mut starts[usize::from(is_quad)];
             let id = self.entries.len() as u32;
             self.entries.push(Entry {
                 surface: index as u32,
-                start: (i * n_nodes) as u32,
+                start: *start as u32,
+                is_quad,
             });
-            self.fill(id, corners, surface.normal);
+            *start += element.len();
+            self.fill(id, &corners, surface.normal);
         }
     }
 
     /// Row by row, the samples between the outline's left and right.
-    fn fill(&mut self, id: u32, corners: [DVec3; 3], normal: DVec3) {
+    fn fill(&mut self, id: u32, corners: &[DVec3], normal: DVec3) {
         let camera = self.camera;
-        let polygon = clip_near(&corners.map(|p| camera.local(p)), &camera);
+        let local: Vec<DVec3> = corners.iter().map(|&p| camera.local(p)).collect();
+        let polygon = clip_near(&local, &camera);
         let n_sub = self.n_sub as f64;
         let outline: Vec<DVec2> = polygon.iter().map(|&p| camera.pixel(p) * n_sub).collect();
         let Some(low) = outline.iter().copied().reduce(DVec2::min) else {
@@ -161,13 +170,19 @@ impl<'a> DepthBuffer<'a> {
         if values.is_empty() {
             return None;
         }
-        let basis = &shader.bases[usize::from(surface.degree) - 1];
+        let degree = usize::from(surface.degree) - 1;
+        let (basis, quad_basis) = (&shader.bases[degree], &shader.quad_bases[degree]);
         let start = entry.start as usize;
-        let element = &surface.elements[start..start + basis.n_nodes()];
+        let element = if entry.is_quad {
+            &surface.quads[start..start + quad_basis.n_nodes()]
+        } else {
+            &surface.elements[start..start + basis.n_nodes()]
+        };
         let mut of_nodes = [0.0; MAX_NODES];
         for (value, &node) in of_nodes.iter_mut().zip(element) {
             *value = values[node as usize];
         }
+        let of_nodes = &of_nodes[..element.len()];
 
         // The point that is seen, and its neighbours one pixel on.
         let corners = [0, 1, 2].map(|k| surface.nodes[element[k] as usize]);
@@ -175,21 +190,30 @@ impl<'a> DepthBuffer<'a> {
         let column = (sample % self.width) as f64 + 0.5;
         let row = (sample / self.width) as f64 + 0.5;
         let pixel = dvec2(column, row) / self.n_sub as f64;
-        let bary_at = |pixel: DVec2| {
+        let point_at = |pixel: DVec2| {
             let (from, along) = self.camera.sight(pixel);
-            let t = normal.dot(corners[0] - from) / normal.dot(along);
-            barycentric(corners, normal, from + along * t)
+            from + along * (normal.dot(corners[0] - from) / normal.dot(along))
         };
-        let here = bary_at(pixel);
-        let (value, derivative) = basis.evaluate(here, &of_nodes[..basis.n_nodes()]);
         let half = 0.5;
-        let slope = |step: DVec2| {
-            let (ahead, behind) = (bary_at(pixel + step * half), bary_at(pixel - step * half));
-            (0..3).map(|k| derivative[k] * (ahead[k] - behind[k])).sum()
+        let (value, gradient) = if entry.is_quad {
+            let corners = [0, 1, 2, 3].map(|k| surface.nodes[element[k] as usize]);
+            let at = |pixel| in_square(corners, normal, point_at(pixel));
+            let (value, derivative) = quad_basis.evaluate(at(pixel), of_nodes);
+            let slope = |step: DVec2| {
+                let (ahead, behind) = (at(pixel + step * half), at(pixel - step * half));
+                (0..2).map(|k| derivative[k] * (ahead[k] - behind[k])).sum()
+            };
+            (value, dvec2(slope(DVec2::X), slope(DVec2::Y)))
+        } else {
+            let at = |pixel| barycentric(corners, normal, point_at(pixel));
+            let (value, derivative) = basis.evaluate(at(pixel), of_nodes);
+            let slope = |step: DVec2| {
+                let (ahead, behind) = (at(pixel + step * half), at(pixel - step * half));
+                (0..3).map(|k| derivative[k] * (ahead[k] - behind[k])).sum()
+            };
+            (value, dvec2(slope(DVec2::X), slope(DVec2::Y)))
         };
-        value
-            .is_finite()
-            .then(|| (value, dvec2(slope(DVec2::X), slope(DVec2::Y))))
+        value.is_finite().then_some((value, gradient))
     }
 
     /// Colour of a sample; `None` where nothing is seen.
@@ -222,6 +246,7 @@ pub(super) struct Shader<'a> {
     /// Node values of every surface.
     pub(super) values: &'a [Vec<f64>],
     pub(super) bases: [Basis; 4],
+    pub(super) quad_bases: [QuadBasis; 4],
     pub(super) scale: Scale,
     pub(super) color_map: ColorMap,
     pub(super) isolux: bool,
@@ -256,6 +281,22 @@ fn barycentric([a, b, c]: [DVec3; 3], normal: DVec3, p: DVec3) -> [f64; 3] {
     let at_b = (p - a).cross(c - a).dot(normal) / area;
     let at_c = (b - a).cross(p - a).dot(normal) / area;
     [1.0 - at_b - at_c, at_b, at_c]
+}
+
+/// Where a point is in the unit square that a bilinear map takes to a quadrilateral.
+fn in_square([a, b, c, d]: [DVec3; 4], normal: DVec3, p: DVec3) -> [f64; 2] {
+    let cross = |u: DVec3, v: DVec3| u.cross(v).dot(normal);
+    let (u, v, w) = (b - a, d - a, a - b + c - d);
+    let (mut s, mut t) = (0.5, 0.5);
+    // Newton's iteration; of a parallelogram one step is exact.
+    for _ in 0..8 {
+        let rest = p - (a + u * s + v * t + w * (s * t));
+        let (along_s, along_t) = (u + w * t, v + w * s);
+        let determinant = cross(along_s, along_t);
+        s = (s + cross(rest, along_t) / determinant).clamp(-2.0, 3.0);
+        t = (t + cross(along_s, rest) / determinant).clamp(-2.0, 3.0);
+    }
+    [s, t]
 }
 
 /// The part of a polygon, in local coordinates, that is not too near.

@@ -135,7 +135,7 @@ pub(crate) fn chart_axes(surface: &SurfaceMesh) -> Option<[DVec3; 2]> {
         let solid = [b, c].map(|n| surface.nodes[n] - surface.nodes[a]);
         (flat, solid)
     };
-    let elements = surface.elements.chunks_exact(surface.nodes_per_element());
+    let elements = surface.each_element().map(|e| e.0);
     let largest = elements.max_by(|a, b| {
         let area = |e: &[u32]| edges(e).0[0].perp_dot(edges(e).0[1]).abs();
         area(a).total_cmp(&area(b))
@@ -177,12 +177,13 @@ fn main_axis(v: DVec3) -> DVec3 {
 }
 
 fn area(surface: &SurfaceMesh) -> f64 {
-    let of_element = |element: &[u32]| {
-        let [a, b, c] = [0, 1, 2].map(|k| surface.nodes[element[k] as usize]);
-        (b - a).cross(c - a).length() / 2.0
+    let of_element = |(element, is_quad): (&[u32], bool)| {
+        let last = if is_quad { 3 } else { 2 };
+        let [a, b, c, d] = [0, 1, 2, last].map(|k| surface.nodes[element[k] as usize]);
+        // Half the cross product of the diagonals; of a triangle, d is c.
+        (c - a).cross(d - b).length() / 2.0
     };
-    let elements = surface.elements.chunks_exact(surface.nodes_per_element());
-    elements.map(of_element).sum()
+    surface.each_element().map(of_element).sum()
 }
 
 /// Two horizontal directions, to the right and to the front, for a given up.

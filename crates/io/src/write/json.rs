@@ -90,6 +90,9 @@ impl<'a> Surface<'a> {
 #[derive(Serialize)]
 struct Element<'a> {
     degree: u8,
+    /// Only of quadrilaterals: all others are triangles.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shape: Option<&'static str>,
     nodes: &'a [u32],
     error: Option<f64>,
 }
@@ -152,10 +155,10 @@ impl Serialize for Points2d<'_> {
 impl Serialize for Elements<'_> {
     fn serialize<S: Serializer>(&self, to: S) -> std::result::Result<S::Ok, S::Error> {
         let mut sequence = to.serialize_seq(None)?;
-        let n_nodes = self.0.nodes_per_element();
-        for (i, nodes) in self.0.elements.chunks_exact(n_nodes).enumerate() {
+        for (i, (nodes, is_quad)) in self.0.each_element().enumerate() {
             sequence.serialize_element(&Element {
                 degree: self.0.degree,
+                shape: is_quad.then_some("quadrilateral"),
                 nodes,
                 error: self.0.element_errors.get(i).copied(),
             })?;

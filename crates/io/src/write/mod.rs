@@ -163,19 +163,21 @@ pub(crate) fn check(scene: &MeshedScene) -> Result<()> {
 
 fn problem_of(surface: &SurfaceMesh, n_bands: usize) -> Option<String> {
     let n_nodes = surface.nodes.len();
-    if surface.elements.is_empty() && surface.degree == 0 {
+    if surface.elements.is_empty() && surface.quads.is_empty() && surface.degree == 0 {
         // A face that was not meshed: nothing to interpolate.
     } else if !(1..=4).contains(&surface.degree) {
         return Some(format!("degree {} (allowed 1 to 4)", surface.degree));
     }
-    if !surface
+    let is_whole = surface
         .elements
         .len()
         .is_multiple_of(surface.nodes_per_element())
-    {
+        && surface.quads.len().is_multiple_of(surface.nodes_per_quad());
+    if !is_whole {
         return Some("the last element is not complete".to_owned());
     }
-    if let Some(node) = surface.elements.iter().find(|&&n| n as usize >= n_nodes) {
+    let mut used = surface.elements.iter().chain(&surface.quads);
+    if let Some(node) = used.find(|&&n| n as usize >= n_nodes) {
         return Some(format!("an element has node {node} of {n_nodes}"));
     }
     if surface.nodes_2d.len() != n_nodes {
@@ -196,7 +198,7 @@ fn problem_of(surface: &SurfaceMesh, n_bands: usize) -> Option<String> {
             return Some(format!("{found} values of {name} (expected {expected})"));
         }
     }
-    let n_elements = surface.elements.len() / surface.nodes_per_element();
+    let n_elements = surface.n_elements();
     let n_errors = surface.element_errors.len();
     if n_errors != 0 && n_errors != n_elements {
         return Some(format!("{n_errors} errors for {n_elements} elements"));

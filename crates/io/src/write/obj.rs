@@ -1,12 +1,12 @@
 //! OBJ: positions with false colours, one object per surface.
 //!
-//! An element of degree p becomes p² triangles between its nodes. The colour
+//! A triangle of degree p becomes p² triangles between its nodes, a quadrilateral 2 p². The colour
 //! behind each position (`v x y z r g b`, as most viewers read it) shows the
 //! scene's last field; the header says on which scale.
 
 use std::io::{Result, Write};
 
-use super::{check, field_names, labels, lattice::sub_triangles, one_line};
+use super::{check, field_names, labels, lattice, one_line};
 use crate::model::MeshedScene;
 use crate::picture::{Band, ColorMap, Scale, band_values};
 
@@ -51,9 +51,12 @@ pub fn write(scene: &MeshedScene, out: &mut impl Write) -> Result<()> {
             let [r, g, b] = value.map_or(GREY, |v| ColorMap::Viridis.rgb(scale.fraction(v)));
             writeln!(out, "v {:?} {:?} {:?} {r:.4} {g:.4} {b:.4}", p.x, p.y, p.z)?;
         }
-        let triangles = sub_triangles(surface.degree);
-        for element in surface.elements.chunks_exact(surface.nodes_per_element()) {
-            for triangle in &triangles {
+        let triangles = [
+            lattice::sub_triangles(surface.degree),
+            lattice::quad_sub_triangles(surface.degree),
+        ];
+        for (element, is_quad) in surface.each_element() {
+            for triangle in &triangles[usize::from(is_quad)] {
                 let [a, b, c] = triangle.map(|k| first_index + element[k] as usize);
                 writeln!(out, "f {a} {b} {c}")?;
             }

@@ -5,7 +5,7 @@
 
 use std::io::{Error, ErrorKind, Result, Write};
 
-use super::lattice::sub_triangles;
+use super::lattice::{quad_sub_triangles, sub_triangles};
 use super::{check, field_names, fields_in_order, labels, value_names};
 use crate::model::MeshedScene;
 
@@ -40,9 +40,12 @@ pub fn write(scene: &MeshedScene, out: &mut impl Write) -> Result<()> {
 
     let mut first_index = 0;
     for (surface_id, surface) in scene.surfaces.iter().enumerate() {
-        let triangles = sub_triangles(surface.degree);
-        for element in surface.elements.chunks_exact(surface.nodes_per_element()) {
-            for triangle in &triangles {
+        let triangles = [
+            sub_triangles(surface.degree),
+            quad_sub_triangles(surface.degree),
+        ];
+        for (element, is_quad) in surface.each_element() {
+            for triangle in &triangles[usize::from(is_quad)] {
                 out.write_all(&[3])?;
                 for &k in triangle {
                     let index = int(first_index + element[k] as usize)?;
@@ -59,7 +62,8 @@ pub fn write(scene: &MeshedScene, out: &mut impl Write) -> Result<()> {
 fn write_header(scene: &MeshedScene, out: &mut impl Write) -> Result<()> {
     let n_nodes: usize = scene.surfaces.iter().map(|s| s.nodes.len()).sum();
     let n_faces: usize = (scene.surfaces.iter())
-        .map(|s| s.elements.len() / s.nodes_per_element() * usize::from(s.degree).pow(2))
+        .flat_map(|s| s.each_element().map(move |e| (e.1, usize::from(s.degree))))
+        .map(|(is_quad, degree)| degree * degree * if is_quad { 2 } else { 1 })
         .sum();
     int(n_nodes)?;
 

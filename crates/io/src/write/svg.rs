@@ -170,7 +170,7 @@ impl<'a> Drawing<'a> {
     fn draw(&self, svg: &mut String, corner: DVec2, length_unit: &str) {
         let surface = self.surface;
         let (x, y) = (number(corner.x + MARGIN), number(corner.y + TITLE_HEIGHT));
-        let n_elements = surface.elements.len() / surface.nodes_per_element();
+        let n_elements = surface.n_elements();
         let _ = writeln!(
             svg,
             "<g transform=\"translate({x} {y})\">\n<text class=\"title\" y=\"-20\">{}</text>\n\
@@ -200,13 +200,10 @@ impl<'a> Drawing<'a> {
 
     fn draw_mesh(&self, svg: &mut String) {
         let mut edges: Vec<[u32; 2]> = Vec::new();
-        for element in self
-            .surface
-            .elements
-            .chunks_exact(self.surface.nodes_per_element())
-        {
-            for [a, b] in [[0, 1], [1, 2], [2, 0]] {
-                let (a, b) = (element[a], element[b]);
+        for (element, is_quad) in self.surface.each_element() {
+            let n = if is_quad { 4 } else { 3 };
+            for k in 0..n {
+                let (a, b) = (element[k], element[(k + 1) % n]);
                 edges.push([a.min(b), a.max(b)]);
             }
         }

@@ -22,6 +22,8 @@ const LINE: u8 = 3;
 const TRIANGLE: u8 = 5;
 const QUADRATIC_TRIANGLE: u8 = 22;
 const LAGRANGE_TRIANGLE: u8 = 69;
+const QUAD: u8 = 9;
+const LAGRANGE_QUADRILATERAL: u8 = 70;
 
 /// Writes the scene as VTU.
 ///
@@ -100,14 +102,14 @@ fn elements(scene: &MeshedScene) -> Piece {
                 None => values.resize(values.len() + n_values, 0.0),
             }
         }
-        let cell_type = match surface.degree {
-            1 => TRIANGLE,
-            2 => QUADRATIC_TRIANGLE,
-            _ => LAGRANGE_TRIANGLE,
+        let cell_types = match surface.degree {
+            1 => [TRIANGLE, QUAD],
+            2 => [QUADRATIC_TRIANGLE, LAGRANGE_QUADRILATERAL],
+            _ => [LAGRANGE_TRIANGLE, LAGRANGE_QUADRILATERAL],
         };
-        let n_nodes = surface.nodes_per_element();
-        for (i, nodes) in surface.elements.chunks_exact(n_nodes).enumerate() {
+        for (i, (nodes, is_quad)) in surface.each_element().enumerate() {
             let points = nodes.iter().map(|&n| first_point + i64::from(n));
+            let cell_type = cell_types[usize::from(is_quad)];
             piece.push_cell(points, cell_type, surface_id, surface.degree);
             let error = surface.element_errors.get(i);
             piece.element_error.push(error.copied().unwrap_or_default());

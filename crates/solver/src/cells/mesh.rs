@@ -1,10 +1,10 @@
 //! Finished meshes of cells.
 
-use super::{CellEnded, CellGoal, CellMeshes, Field};
+use super::{CellEnded, CellGoal, CellMeshes, Field, Other};
 use crate::basis::{quad_values, values};
 use crate::direct::{DirectSolution, Ended};
-use crate::field::Progress;
-use antumbra_geom::Chart;
+use crate::field::{Light, Progress, Sample};
+use antumbra_geom::{Chart, Stop};
 use antumbra_mesh::cells::{CellLocator, CellMesh};
 use antumbra_scene::FaceId;
 use glam::DVec2;
@@ -160,8 +160,9 @@ pub trait DirectMesh {
     fn measured_max_error(&self) -> f64;
     /// Root mean square of the elements' largest errors, relative to the peak.
     fn measured_rms_error(&self) -> f64;
-    /// Is the tolerance kept wherever the error was measured?
-    fn has_reached_tolerance(&self) -> bool;
+    /// Is the tolerance kept wherever the error was measured? If none was asked for: is the
+    /// mesh as it was to be?
+    fn has_reached_goal(&self) -> bool;
     /// Was the work stopped before its end?
     fn is_stopped(&self) -> bool;
     /// Interpolated direct irradiance per band at a chart point of a receiver, by its
@@ -199,8 +200,8 @@ impl DirectMesh for CellSolution {
         self.measured_rms_error
     }
 
-    fn has_reached_tolerance(&self) -> bool {
-        self.ended == CellEnded::ToleranceReached
+    fn has_reached_goal(&self) -> bool {
+        matches!(self.ended, CellEnded::ToleranceReached | CellEnded::AsAsked)
     }
 
     fn is_stopped(&self) -> bool {
@@ -247,7 +248,7 @@ impl DirectMesh for DirectSolution {
         self.measured_rms_error
     }
 
-    fn has_reached_tolerance(&self) -> bool {
+    fn has_reached_goal(&self) -> bool {
         self.ended == Ended::ToleranceReached
     }
 
@@ -271,15 +272,34 @@ impl DirectMesh for DirectSolution {
 }
 
 /// Packs the meshes and sums up what was measured.
-pub(super) fn finish(meshes: CellMeshes) -> CellSolution {
+pub(super) fn finish(meshes: CellMeshes, other: Option<Other<'_>>, stop: Stop<'_>) -> CellSolution {
     let (allowed, scale) = (meshes.allowed(), meshes.scale());
     let has_tolerance = matches!(meshes.options.goal, CellGoal::Tolerance(_));
     let least = meshes.options.least_size;
-    let receivers: Vec<CellReceiverMesh> = meshes
+    let mut ended = meshes.ended;
+    let others: Vec<Option<Vec<f64>>> = meshes
+        .fields
+        .iter()
+        .map(|field| match other {
+            Some(Other::Total(light) | Other::Direct(light)) => field.at_nodes(light, stop),
+            None => None,
+        })
+        .collect();
+    let mut receivers: Vec<CellReceiverMesh> = meshes
         .fields
         .into_iter()
         .map(|f| pack(f, &allowed, &scale, has_tolerance, least))
         .collect();
+    for (receiver, values) in receivers.iter_mut().zip(others) {
+        match (other, values) {
+            (None, _) => {}
+            (Some(_), None) => ended = CellEnded::Stopped,
+            (Some(Other::Total(_)), Some(total)) => receiver.irradiance = total,
+            (Some(Other::Direct(_)), Some(direct)) => {
+                receiver.irradiance = std::mem::replace(&mut receiver.direct, direct);
+            }
+        }
+    }
     let (mut max, mut square, mut area) = (0.0f64, 0.0, 0.0);
     for receiver in &receivers {
         max = max.max(receiver.max_error());
@@ -298,7 +318,33 @@ pub(super) fn finish(meshes: CellMeshes) -> CellSolution {
         } else {
             0.0
         },
-        ended: meshes.ended,
+        ended,
+    }
+}
+
+impl Field {
+    /// Values of another light at all nodes; nothing if it was stopped.
+    fn at_nodes(&self, light: &dyn Light, stop: Stop<'_>) -> Option<Vec<f64>> {
+        let Some(current) = &self.current else {
+            return Some(Vec::new());
+        };
+        let layout = &current.layout;
+        let free: Vec<usize> = (0..layout.places.len())
+            .filter(|&n| !layout.is_constrained[n])
+            .collect();
+        let samples: Vec<Sample> = free
+            .iter()
+            .map(|&n| self.places.sample(layout.places[n], &self.chart))
+            .collect();
+        let mut values = vec![0.0; layout.places.len() * self.n_bands];
+        if light.reaches(self.face) {
+            let found = light.irradiance(self.face, &samples, self.contact_radius, stop)?;
+            for (&n, found) in free.iter().zip(found.chunks_exact(self.n_bands.max(1))) {
+                values[n * self.n_bands..(n + 1) * self.n_bands].copy_from_slice(found);
+            }
+        }
+        layout.complete(&mut values, self.n_bands);
+        Some(values)
     }
 }
 

@@ -79,6 +79,15 @@ impl Places {
         self.toward[place as usize]
     }
 
+    /// A place as it is asked for.
+    pub(super) fn sample(&self, place: u32, chart: &Chart) -> Sample {
+        Sample {
+            point: chart.to_space(self.uv[place as usize]),
+            toward: self.toward[place as usize]
+                .map(|toward| chart.direction(toward).normalize_or_zero()),
+        }
+    }
+
     /// The exact values at a place that was evaluated.
     pub(super) fn values(&self, place: u32) -> &[f64] {
         let at = place as usize * self.n_bands;
@@ -108,14 +117,7 @@ impl Places {
         radius: f64,
         stop: Stop<'_>,
     ) -> bool {
-        let samples: Vec<Sample> = missing
-            .iter()
-            .map(|&p| Sample {
-                point: chart.to_space(self.uv[p as usize]),
-                toward: self.toward[p as usize]
-                    .map(|toward| chart.direction(toward).normalize_or_zero()),
-            })
-            .collect();
+        let samples: Vec<Sample> = missing.iter().map(|&p| self.sample(p, chart)).collect();
         let found = match light {
             _ if samples.is_empty() => return true,
             Some(light) => light.irradiance(face, &samples, radius, stop),
