@@ -272,9 +272,9 @@ pub fn solve_cells(
 }
 
 /// Direct light and what is gathered from a solution.
-struct TotalLight<'a> {
-    direct: &'a ExactLight<'a, 'a>,
-    gatherer: Option<Gatherer<'a, 'a, 'a>>,
+pub(crate) struct TotalLight<'a> {
+    pub(crate) direct: &'a ExactLight<'a, 'a>,
+    pub(crate) gatherer: Option<Gatherer<'a, 'a, 'a>>,
 }
 
 impl Light for TotalLight<'_> {
@@ -336,7 +336,7 @@ pub fn cell_meshes(
 }
 
 /// * `driver` — the light that is meshed for.
-fn cell_meshes_for(
+pub(crate) fn cell_meshes_for(
     evaluator: &Evaluator<'_>,
     driver: &dyn Light,
     options: &CellOptions,

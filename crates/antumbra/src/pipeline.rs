@@ -9,7 +9,7 @@ use antumbra_mesh::{ArrangementOptions, MeshError, Order, TaggedCurve, TriMesh, 
 use antumbra_scene::{Aabb, FaceId, Scene};
 use antumbra_solver::{
     AfterStep, DirectMeshes, DirectOptions, DirectSolution, Ended, FactorOptions, FormFactors,
-    Improvement, Limits, Postponed, Progress, RadiosityOptions, RadiositySolution, Receiver,
+    Improvement, Light, Limits, Postponed, Progress, RadiosityOptions, RadiositySolution, Receiver,
     Tolerance, form_factors, solve_radiosity,
 };
 use antumbra_visibility::{
@@ -256,7 +256,20 @@ pub fn mesh(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<M
     (control.progress)(Phase::Events, 0.0);
     let evaluator = Evaluator::new(scene);
     let light = ExactLight::new_until(&evaluator, control.stop());
-    let direct = direct(&evaluator, &light, options, Quantity::Direct, control)?;
+    mesh_on(&evaluator, &light, &light, options, control)
+}
+
+/// The same, with what is prepared already.
+///
+/// * `driver` — the light that is meshed: direct light, or with what is gathered.
+pub(crate) fn mesh_on(
+    evaluator: &Evaluator<'_>,
+    light: &ExactLight<'_, '_>,
+    driver: &dyn Light,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Meshed, Error> {
+    let direct = direct(evaluator, light, driver, options, Quantity::Direct, control)?;
     Ok(Meshed {
         direct: direct.meshes.finish(),
         curves: direct.curves,
@@ -285,7 +298,7 @@ pub(crate) fn solve_on(
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Solved, Error> {
-    let direct = direct(evaluator, light, options, Quantity::Total, control)?;
+    let direct = direct(evaluator, light, light, options, Quantity::Total, control)?;
     (control.progress)(Phase::Radiosity, 0.0);
     // Interreflection of a coarse mesh would be that of another scene.
     let receivers = match direct.meshes.ended() {
@@ -367,6 +380,7 @@ struct Direct {
 fn direct(
     evaluator: &Evaluator<'_>,
     light: &ExactLight<'_, '_>,
+    driver: &dyn Light,
     options: &Options,
     quantity: Quantity,
     control: &Control<'_>,
@@ -415,9 +429,10 @@ fn direct(
         most_elements: options.most_elements,
         verify: true,
     };
-    let mut meshes = DirectMeshes::solve(receivers, light, &direct_options, &limits, &|_, done| {
-        (control.progress)(Phase::Irradiance, done);
-    });
+    let mut meshes =
+        DirectMeshes::solve(receivers, driver, &direct_options, &limits, &|_, done| {
+            (control.progress)(Phase::Irradiance, done);
+        });
     let improvements = match meshes.ended() {
         // There is no time to try.
         Ended::Stopped => Vec::new(),
@@ -425,7 +440,7 @@ fn direct(
             .after
             .into_iter()
             .flatten()
-            .map(|step| meshes.improve(step, light, limits.stop))
+            .map(|step| meshes.improve(step, driver, limits.stop))
             .collect(),
     };
     for (progress, curves) in meshes.progress().zip(&mut curves) {

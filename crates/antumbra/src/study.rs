@@ -7,8 +7,8 @@ mod maps;
 mod rival;
 
 use crate::light::ExactLight;
-use crate::mesher::Mesher;
-use crate::pipeline::{Control, Error, Phase};
+use crate::mesher::{CellOptions, Mesher, TotalLight, cell_meshes_for, mesh_cells};
+use crate::pipeline::{Control, Error, Meshed, Options, Phase, Solved, mesh, mesh_on, solve_on};
 use crate::values::{self, Place};
 use antumbra_geom::{DVec2, Stop};
 use antumbra_io::study::{
@@ -16,8 +16,8 @@ use antumbra_io::study::{
 };
 use antumbra_mesh::shape_quality;
 use antumbra_scene::{FaceId, Scene};
-use antumbra_solver::DirectSolution;
 use antumbra_solver::cells::{CellSolution, DirectMesh};
+use antumbra_solver::{DirectSolution, Light, RadiosityOptions, Sample};
 use antumbra_visibility::{Evaluator, Scratch};
 use rayon::prelude::*;
 
@@ -41,6 +41,8 @@ pub struct StudyOptions {
     pub budget: f64,
     /// Pixels of an error map along its longer side.
     pub map_pixels: usize,
+    /// Study irradiance with interreflection, not direct irradiance.
+    pub interreflection: bool,
 }
 
 impl Default for StudyOptions {
@@ -56,6 +58,7 @@ impl Default for StudyOptions {
             repeats: 3,
             budget: 180.0,
             map_pixels: 160,
+            interreflection: false,
         }
     }
 }
@@ -145,15 +148,21 @@ impl Reference {
     fn new(
         evaluator: &Evaluator<'_>,
         light: &ExactLight<'_, '_>,
+        driver: &dyn Light,
         n: u32,
         meter: &Meter<'_>,
     ) -> Self {
         let scene = evaluator.scene();
-        let lit = |face| light.view(face).sees_any_emitter();
+        let lit = |face| driver.reaches(face);
         let places = values::random_places(scene, n, &lit);
         let start = (meter.clock)();
         let n_emitters = evaluator.emitters().len();
-        let found: Vec<(Vec<f64>, bool)> = places
+        let values: Vec<f64> = places
+            .par_iter()
+            .flat_map_iter(|place| one_value(driver, place, scene.n_bands))
+            .collect();
+        let seconds = ((meter.clock)() - start) / places.len().max(1) as f64;
+        let is_penumbra: Vec<bool> = places
             .par_iter()
             .map_init(
                 || (Scratch::default(), vec![0.0; n_emitters]),
@@ -162,14 +171,11 @@ impl Reference {
                     evaluator.factors(view, place.point, None, scratch, factors);
                     let seen: f64 = factors.iter().sum();
                     let all = scratch.unoccluded;
-                    let is_penumbra = seen > HIDDEN * all && seen < (1.0 - HIDDEN) * all;
-                    (evaluator.weigh(factors), is_penumbra)
+                    seen > HIDDEN * all && seen < (1.0 - HIDDEN) * all
                 },
             )
             .collect();
-        let seconds = ((meter.clock)() - start) / places.len().max(1) as f64;
         let n_bands = scene.n_bands;
-        let values: Vec<f64> = found.iter().flat_map(|f| f.0.iter().copied()).collect();
         let mut peak = vec![0.0f64; n_bands];
         for bands in values.chunks_exact(n_bands.max(1)) {
             for (peak, &v) in peak.iter_mut().zip(bands) {
@@ -179,7 +185,7 @@ impl Reference {
         Self {
             places,
             values,
-            is_penumbra: found.iter().map(|f| f.1).collect(),
+            is_penumbra,
             peak,
             seconds,
         }
@@ -219,6 +225,16 @@ impl Reference {
             penumbra_rms,
         }
     }
+}
+
+/// The bands of a light at one place.
+fn one_value(driver: &dyn Light, place: &Place, n_bands: usize) -> Vec<f64> {
+    let sample = Sample {
+        point: place.point,
+        toward: None,
+    };
+    let found = driver.irradiance(place.face, &[sample], 0.0, Stop::NEVER);
+    found.unwrap_or_else(|| vec![0.0; n_bands])
 }
 
 /// The difference of the worst band, relative to its peak.
@@ -338,6 +354,44 @@ fn finite(x: f64) -> f64 {
     if x.is_finite() { x } else { 0.0 }
 }
 
+/// What is studied: a scene, and its light.
+pub(crate) struct Subject<'a> {
+    pub(crate) scene: &'a Scene,
+    /// With interreflection: what is prepared already, and the light that is meshed.
+    pub(crate) total: Option<&'a Total<'a>>,
+}
+
+/// Light with interreflection.
+pub(crate) struct Total<'a> {
+    evaluator: &'a Evaluator<'a>,
+    light: &'a ExactLight<'a, 'a>,
+    driver: TotalLight<'a>,
+}
+
+impl Subject<'_> {
+    pub(crate) fn discontinuity(
+        &self,
+        options: &Options,
+        control: &Control<'_>,
+    ) -> Result<Meshed, Error> {
+        match self.total {
+            None => mesh(self.scene, options, control),
+            Some(t) => mesh_on(t.evaluator, t.light, &t.driver, options, control),
+        }
+    }
+
+    pub(crate) fn cells(
+        &self,
+        options: &CellOptions,
+        control: &Control<'_>,
+    ) -> Result<CellSolution, Error> {
+        match self.total {
+            None => Ok(mesh_cells(self.scene, options, control)?.direct),
+            Some(t) => Ok(cell_meshes_for(t.evaluator, &t.driver, options, control)?.finish()),
+        }
+    }
+}
+
 /// What all runs of a study share.
 struct Setting<'a> {
     scene: &'a Scene,
@@ -347,7 +401,7 @@ struct Setting<'a> {
     meter: &'a Meter<'a>,
 }
 
-/// Runs a study of direct irradiance.
+/// Runs a study.
 ///
 /// Every generator and degree gets the same share of the time; what it does not need goes
 /// to no other, so that series compare. Fields of the result that the library cannot know
@@ -365,8 +419,124 @@ pub fn study(
     (control.progress)(Phase::Study, 0.0);
     let evaluator = Evaluator::new(scene);
     let light = ExactLight::new_until(&evaluator, Stop::new(control.should_stop));
-    let reference = Reference::new(&evaluator, &light, options.n_points, meter);
-    let canvas = maps::Canvas::new(&light, scene, &reference, options.map_pixels);
+    if !options.interreflection {
+        let subject = Subject { scene, total: None };
+        let known = Known::default();
+        return study_of(
+            &subject, &evaluator, &light, &light, &known, options, meter, control,
+        );
+    }
+    let begun = (meter.clock)();
+    let solutions = solutions(&evaluator, &light, &quiet(control))?;
+    let stop = Stop::new(control.should_stop);
+    let [fine, coarse] = &solutions;
+    let [of_fine, of_coarse] = [fine, coarse].map(|solved| TotalLight {
+        direct: &light,
+        gatherer: solved.radiosity.gatherer(&evaluator, stop),
+    });
+    let known = uncertainty(scene, [&of_fine, &of_coarse], solutions_notes(&solutions));
+    let total = Total {
+        evaluator: &evaluator,
+        light: &light,
+        driver: of_fine,
+    };
+    // What the solutions took is gone.
+    let rest = StudyOptions {
+        budget: (options.budget - ((meter.clock)() - begun)).max(0.1 * options.budget),
+        ..options.clone()
+    };
+    let subject = Subject {
+        scene,
+        total: Some(&total),
+    };
+    study_of(
+        &subject,
+        &evaluator,
+        &light,
+        &total.driver,
+        &known,
+        &rest,
+        meter,
+        control,
+    )
+}
+
+/// What is known of the values of reference.
+#[derive(Debug, Default)]
+struct Known {
+    uncertainty: Option<f64>,
+    notes: Vec<String>,
+}
+
+/// Nodes of the layers that indirect light is gathered from, and that its uncertainty is
+/// told by. More would make every evaluation dearer, and say no more about meshes.
+const LAYERS: [usize; 2] = [2500, 900];
+
+/// The scene solved twice: as well as it can be, and with fewer nodes.
+fn solutions(
+    evaluator: &Evaluator<'_>,
+    light: &ExactLight<'_, '_>,
+    control: &Control<'_>,
+) -> Result<[Solved; 2], Error> {
+    let options = |most_nodes| Options {
+        radiosity: RadiosityOptions {
+            most_nodes,
+            ..RadiosityOptions::default()
+        },
+        ..Options::default()
+    };
+    let [fine, coarse] = LAYERS.map(options);
+    let fine = solve_on(evaluator, light, &fine, control)?;
+    let coarse = solve_on(evaluator, light, &coarse, control)?;
+    Ok([fine, coarse])
+}
+
+fn solutions_notes([fine, coarse]: &[Solved; 2]) -> Vec<String> {
+    vec![
+        format!(
+            "Values of reference are exact direct irradiance and indirect irradiance gathered with exact visibility from one solution with {} nodes; nodes of all meshes hold such values, so errors are those of the meshes. The solution took part in no time.",
+            fine.radiosity.indirect_nodes
+        ),
+        format!(
+            "The uncertainty is the largest difference to what is gathered from a solution with {} nodes, at 200 places.",
+            coarse.radiosity.indirect_nodes
+        ),
+        "Evaluations are those of direct light and of gathering, together.".into(),
+    ]
+}
+
+/// How far two solutions are apart, relative to the peak.
+fn uncertainty(scene: &Scene, [fine, coarse]: [&TotalLight<'_>; 2], notes: Vec<String>) -> Known {
+    let places = values::random_places(scene, 200, &|_| true);
+    let values = |light: &TotalLight<'_>| -> Vec<f64> {
+        places
+            .par_iter()
+            .flat_map_iter(|p| one_value(light, p, scene.n_bands))
+            .collect()
+    };
+    let (a, b) = (values(fine), values(coarse));
+    let peak = a.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    let apart = a.iter().zip(&b).map(|(a, b)| (a - b).abs());
+    Known {
+        uncertainty: Some(apart.fold(0.0, f64::max) / peak),
+        notes,
+    }
+}
+
+/// Studies a light: `driver` is what is meshed, `light` its direct part.
+fn study_of(
+    subject: &Subject<'_>,
+    evaluator: &Evaluator<'_>,
+    light: &ExactLight<'_, '_>,
+    driver: &dyn Light,
+    known: &Known,
+    options: &StudyOptions,
+    meter: &Meter<'_>,
+    control: &Control<'_>,
+) -> Result<Study, Error> {
+    let scene = subject.scene;
+    let reference = Reference::new(evaluator, light, driver, options.n_points, meter);
+    let canvas = maps::Canvas::new(driver, scene, &reference, options.map_pixels);
     let setting = Setting {
         scene,
         options,
@@ -374,7 +544,7 @@ pub fn study(
         canvas: &canvas,
         meter,
     };
-    let mut runners = rival::runners(scene, options);
+    let mut runners = rival::runners(subject, options);
     let start = (meter.clock)();
     let share = MESHING * options.budget / runners.len().max(1) as f64;
     let mut is_going = vec![true; runners.len()];
@@ -393,13 +563,17 @@ pub fn study(
     let runs_seconds = (meter.clock)() - start;
     let mut study = Study {
         target: options.target,
-        quantity: "direct irradiance".into(),
+        quantity: if subject.total.is_some() {
+            "irradiance with interreflection".into()
+        } else {
+            "direct irradiance".into()
+        },
         unit: scene.quantity.irradiance_unit().into(),
         version: env!("CARGO_PKG_VERSION").into(),
         peak: reference.peak.iter().copied().fold(0.0, f64::max),
         n_points: reference.places.len(),
         n_penumbra: reference.is_penumbra.iter().filter(|&&p| p).count(),
-        reference_uncertainty: ROUNDING,
+        reference_uncertainty: known.uncertainty.unwrap_or(ROUNDING),
         exact_seconds: reference.seconds,
         ..Study::default()
     };
@@ -417,7 +591,7 @@ pub fn study(
         should_stop,
         ..quiet(control)
     };
-    study.estimators = rival::effectivities(scene, &light, &evaluator, &until(&by_estimators))?;
+    study.estimators = rival::effectivities(scene, driver, evaluator, &until(&by_estimators))?;
     if by_estimators() {
         left_out.push("some estimators");
     }
@@ -430,7 +604,7 @@ pub fn study(
         series.order_rms = observed_order(&of(|r| r.error.rms), FLOOR);
         series.order_max = observed_order(&of(|r| r.error.max), FLOOR);
         if series.mesher == Mesher::Discontinuity.key() {
-            let found = rival::halvings(scene, series.degree, &reference, &until(&by_orders))?;
+            let found = rival::halvings(subject, series.degree, &reference, &until(&by_orders))?;
             let of = |error: fn(&Errors) -> f64| -> Vec<(usize, f64)> {
                 found.iter().map(|(n, e)| (*n, error(e))).collect()
             };
@@ -446,7 +620,7 @@ pub fn study(
         left_out.push("some orders of the discontinuity mesh, which are those of its runs then");
     }
     (control.progress)(Phase::Study, 0.9);
-    study.steps = rival::steps(scene, &reference, &until(&by_steps))?;
+    study.steps = rival::steps(subject, &reference, &until(&by_steps))?;
     if by_steps() {
         left_out.push("some steps after meshing");
     }
@@ -459,6 +633,13 @@ pub fn study(
         runs_seconds,
         (control.should_stop)(),
     );
+    study.notes.extend_from_slice(&known.notes);
+    if !left_out.is_empty() {
+        let words = left_out.join("; ");
+        study
+            .notes
+            .push(format!("Left out for want of time: {words}."));
+    }
     (control.progress)(Phase::Study, 1.0);
     Ok(study)
 }

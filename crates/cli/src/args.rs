@@ -354,9 +354,13 @@ pub(crate) struct Study {
     /// Degrees of the elements: a list of 1, 2, 3, 4.
     #[arg(long, value_name = "LIST", value_parser = clap::value_parser!(u8).range(1..=4), value_delimiter = ',', default_value = "1,2,3,4")]
     pub(crate) degrees: Vec<u8>,
-    /// Points at which errors are measured.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=10_000_000), default_value = "10000")]
-    pub(crate) points: u32,
+    /// Study irradiance with interreflection: every value is gathered from one solution,
+    /// whose uncertainty is told.
+    #[arg(long)]
+    pub(crate) interreflection: bool,
+    /// Points at which errors are measured; 10000, or with --interreflection 1000.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=10_000_000))]
+    pub(crate) points: Option<u32>,
     /// How often short runs are repeated; the median counts.
     #[arg(long, value_name = "N", default_value = "3")]
     pub(crate) repeats: usize,

@@ -31,7 +31,11 @@ pub(crate) fn run(args: &Arguments) -> Result<Ending, Failure> {
         meshers: args.meshers.clone(),
         tolerances: tolerances(args.finest),
         target: args.tolerance,
-        n_points: args.points,
+        n_points: args
+            .points
+            .unwrap_or(if args.interreflection { 1_000 } else { 10_000 }),
+        map_pixels: if args.interreflection { 64 } else { 160 },
+        interreflection: args.interreflection,
         repeats: args.repeats,
         budget: PLANNED * args.limits.budget.unwrap_or(USUAL_BUDGET),
         ..StudyOptions::default()

@@ -1,13 +1,12 @@
 //! Maps of the error on the surface where it is most interesting.
 
-use super::{Reference, Sampled, value_at, worst_band};
-use crate::light::ExactLight;
+use super::{Reference, Sampled, one_value, value_at, worst_band};
 use crate::mesher::Mesher;
 use crate::values::Place;
 use antumbra_geom::{Chart, DVec2, dvec2, point_in_polygon};
 use antumbra_io::study::{ErrorMap, MapGroup, Run, Series, Study};
 use antumbra_scene::{FaceId, Scene};
-use antumbra_visibility::Scratch;
+use antumbra_solver::Light;
 use rayon::prelude::*;
 
 /// Where errors are mapped: pixels of one face with their exact values.
@@ -39,7 +38,7 @@ const MOST_EDGES: usize = 12_000;
 impl Canvas {
     /// The face with most places in penumbras, or with most places.
     pub(crate) fn new(
-        light: &ExactLight<'_, '_>,
+        driver: &dyn Light,
         scene: &Scene,
         reference: &Reference,
         pixels: usize,
@@ -80,9 +79,7 @@ impl Canvas {
         let inside = (0..width * height)
             .into_par_iter()
             .filter_map(|i| place(i, &chart))
-            .map_init(Scratch::default, |scratch, (i, place)| {
-                (i, place, light.at(face, place.point, scratch))
-            })
+            .map(|(i, place)| (i, place, one_value(driver, &place, scene.n_bands)))
             .collect();
         Self {
             face,

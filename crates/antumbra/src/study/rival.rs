@@ -1,23 +1,22 @@
 //! What a study runs: the ladders of all generators, estimators, steps after meshing.
 
-use super::{MOST_ELEMENTS, Make, Reference, Runner, StudyOptions};
-use crate::light::ExactLight;
-use crate::mesher::{CellOptions, CellSize, Mesher, cell_meshes, mesh_cells};
-use crate::pipeline::{Control, Error, Events, MOST_STEPS, Options, mesh};
+use super::{MOST_ELEMENTS, Make, Reference, Runner, StudyOptions, Subject};
+use crate::mesher::{CellOptions, CellSize, Mesher, cell_meshes_for};
+use crate::pipeline::{Control, Error, Events, MOST_STEPS, Options};
 use antumbra_geom::Stop;
 use antumbra_io::study::{Effectivity, Errors, Series, Step};
 use antumbra_mesh::cells::CellShape;
 use antumbra_scene::Scene;
 use antumbra_solver::cells::{DirectMesh as _, Estimator};
-use antumbra_solver::{AfterStep, Tolerance};
+use antumbra_solver::{AfterStep, Light, Tolerance};
 use antumbra_visibility::{Evaluator, EventKinds};
 
 /// All series, with their ladders.
-pub(crate) fn runners<'a>(scene: &'a Scene, options: &'a StudyOptions) -> Vec<Runner<'a>> {
+pub(crate) fn runners<'a>(subject: &'a Subject<'a>, options: &'a StudyOptions) -> Vec<Runner<'a>> {
     let mut runners = Vec::new();
     for &mesher in &options.meshers {
         for &degree in &options.degrees {
-            let ladder = ladder(scene, options, mesher, degree);
+            let ladder = ladder(subject, options, mesher, degree);
             runners.push(Runner {
                 series: Series {
                     mesher: mesher.key().to_owned(),
@@ -40,7 +39,7 @@ const STEP: f64 = 1.6;
 const FEWEST: usize = 16;
 
 fn ladder<'a>(
-    scene: &'a Scene,
+    subject: &'a Subject<'a>,
     options: &'a StudyOptions,
     mesher: Mesher,
     degree: u8,
@@ -51,7 +50,7 @@ fn ladder<'a>(
             .map(|tolerance| {
                 let make: Make<'a> = Box::new(move |control| {
                     let options = discontinuity(degree, tolerance);
-                    let meshed = mesh(scene, &options, control)?;
+                    let meshed = subject.discontinuity(&options, control)?;
                     Ok(Some(Box::new(meshed.direct)))
                 });
                 (format!("tolerance {tolerance:e}"), make)
@@ -60,20 +59,25 @@ fn ladder<'a>(
         Mesher::Uniform | Mesher::Graded => (0..)
             .map(|k: i32| (FEWEST as f64 * STEP.powi(k)) as usize)
             .take_while(|n| *n < MOST_ELEMENTS)
-            .map(|n| cell_step(scene, mesher, degree, CellSize::Elements(n)))
+            .map(|n| cell_step(subject, mesher, degree, CellSize::Elements(n)))
             .collect(),
         Mesher::Quadtree | Mesher::Restricted | Mesher::TriQuadtree | Mesher::Adaptive => {
             tolerances
                 .map(|t| {
                     let size = CellSize::Tolerance(Tolerance::Relative(t));
-                    cell_step(scene, mesher, degree, size)
+                    cell_step(subject, mesher, degree, size)
                 })
                 .collect()
         }
     }
 }
 
-fn cell_step(scene: &Scene, mesher: Mesher, degree: u8, size: CellSize) -> (String, Make<'_>) {
+fn cell_step<'a>(
+    subject: &'a Subject<'a>,
+    mesher: Mesher,
+    degree: u8,
+    size: CellSize,
+) -> (String, Make<'a>) {
     let setting = match size {
         CellSize::Tolerance(Tolerance::Relative(t) | Tolerance::Absolute(t)) => {
             format!("tolerance {t:e}")
@@ -82,10 +86,8 @@ fn cell_step(scene: &Scene, mesher: Mesher, degree: u8, size: CellSize) -> (Stri
         CellSize::Length(l) => format!("elements of {l}"),
     };
     let options = cells(mesher, degree, size);
-    let make: Make<'_> = Box::new(move |control| {
-        let meshed = mesh_cells(scene, &options, control)?;
-        Ok(Some(Box::new(meshed.direct)))
-    });
+    let make: Make<'a> =
+        Box::new(move |control| Ok(Some(Box::new(subject.cells(&options, control)?))));
     (setting, make)
 }
 
@@ -119,7 +121,7 @@ fn discontinuity(degree: u8, tolerance: f64) -> Options {
 /// Tolerances make elements smaller where errors are, at different places each time; the
 /// order is that of a mesh whose elements all become smaller alike.
 pub(crate) fn halvings(
-    scene: &Scene,
+    subject: &Subject<'_>,
     degree: u8,
     reference: &Reference,
     control: &Control<'_>,
@@ -131,7 +133,7 @@ pub(crate) fn halvings(
             after: std::array::from_fn(|i| (i < k).then_some(AfterStep::Halve)),
             ..discontinuity(degree, COARSE)
         };
-        let meshed = mesh(scene, &options, control)?;
+        let meshed = subject.discontinuity(&options, control)?;
         if (control.should_stop)() {
             break;
         }
@@ -170,7 +172,7 @@ const TRUE_POINTS: usize = 5;
 /// What estimators say of the errors.
 pub(crate) fn effectivities(
     scene: &Scene,
-    light: &ExactLight<'_, '_>,
+    driver: &dyn Light,
     evaluator: &Evaluator<'_>,
     control: &Control<'_>,
 ) -> Result<Vec<Effectivity>, Error> {
@@ -191,12 +193,12 @@ pub(crate) fn effectivities(
         );
         for estimator in Estimator::ALL {
             // Each on a mesh of its own, for points that are known cost nothing.
-            let mut meshes = cell_meshes(evaluator, light, &options, control)?;
-            let Some(truth) = meshes.true_errors(TRUE_POINTS, light, stop) else {
+            let mut meshes = cell_meshes_for(evaluator, driver, &options, control)?;
+            let Some(truth) = meshes.true_errors(TRUE_POINTS, driver, stop) else {
                 break;
             };
             let before = meshes.check_evaluations();
-            let Some(estimates) = meshes.estimates(estimator, light, stop) else {
+            let Some(estimates) = meshes.estimates(estimator, driver, stop) else {
                 break;
             };
             let evaluations = meshes.check_evaluations() - before;
@@ -299,7 +301,7 @@ const STEPPED: [f64; 2] = [2e-2, 2e-3];
 
 /// What steps after meshing do.
 pub(crate) fn steps(
-    scene: &Scene,
+    subject: &Subject<'_>,
     reference: &Reference,
     control: &Control<'_>,
 ) -> Result<Vec<Step>, Error> {
@@ -314,7 +316,7 @@ pub(crate) fn steps(
                 events,
                 ..discontinuity(2, tolerance)
             };
-            let before = mesh(scene, &plain, control)?.direct;
+            let before = subject.discontinuity(&plain, control)?.direct;
             let errors = reference.summarise(&reference.errors_of(&before));
             for step in [AfterStep::Relocate, AfterStep::Split, AfterStep::Elevate] {
                 if (control.should_stop)() {
@@ -322,7 +324,7 @@ pub(crate) fn steps(
                 }
                 let mut options = plain;
                 options.after[0] = Some(step);
-                let meshed = mesh(scene, &options, control)?;
+                let meshed = subject.discontinuity(&options, control)?;
                 if (control.should_stop)() {
                     return Ok(rows);
                 }
