@@ -1,13 +1,20 @@
 //! The mesh generators that know nothing of shadows: what they promise.
 
-use antumbra::cells::{Beyond, CellShape};
-use antumbra::solver::cells::edge_nodes;
+use antumbra::cells::{Beyond, CellForest, CellShape, Rule, uniform};
+use antumbra::geom::{Chart, Stop};
+use antumbra::scene::FaceId;
+use antumbra::solver::cells::{
+    CellDirectOptions, CellGoal, CellReceiver, CellRefinement, edge_nodes,
+};
+use antumbra::solver::{Light, Limits, Sample};
 use antumbra::{
-    CellEnded, CellOptions, CellReceiverMesh, CellSize, CellSolution, Control, DirectMesh,
-    Estimator, Evaluator, ExactLight, Mesher, Scene, Scratch, Tolerance, cell_meshes, mesh_cells,
+    CellEnded, CellMeshes, CellOptions, CellReceiverMesh, CellSize, CellSolution, Control,
+    DirectMesh, Estimator, Evaluator, ExactLight, Mesher, RadiosityOptions, Scene, Scratch,
+    Tolerance, cell_meshes, mesh_cells, solve_cells,
 };
 use antumbra_tests::cases::{build, fixture};
-use glam::DVec2;
+use glam::{DVec2, DVec3, dvec2};
+use proptest::prelude::*;
 
 const CELL_MESHERS: [Mesher; 6] = [
     Mesher::Uniform,
@@ -36,13 +43,12 @@ fn crack(mesh: &CellReceiverMesh) -> f64 {
     let mut worst = 0.0f64;
     for c in 0..mesh.n_elements() {
         for k in 0..mesh.mesh.cells[c].corners().len() {
-            let (other, share): (usize, Box<dyn Fn(f64) -> f64>) = match mesh.mesh.beyond(c, k) {
+            let other = match mesh.mesh.beyond(c, k) {
                 Beyond::Border | Beyond::Finer => continue,
-                Beyond::Cell(d) => (d as usize, Box::new(|s| s)),
-                Beyond::Coarser { cell, .. } => (cell as usize, Box::new(|s| s)),
+                Beyond::Cell(d) | Beyond::Coarser { cell: d, .. } => d as usize,
             };
             for i in 0..=20 {
-                let s = share(f64::from(i) / 20.0);
+                let s = f64::from(i) / 20.0;
                 let [a, b] = mesh.mesh.cells[c]
                     .edge(k)
                     .map(|v| mesh.mesh.vertices[v as usize]);
@@ -135,11 +141,10 @@ fn errors(scene: &Scene, solution: &CellSolution) -> [f64; 2] {
         for j in 0..71 {
             let at = |i: i32| (f64::from(i) + 0.4127) / 71.0 * 4.0 - 2.0;
             let point = glam::DVec3::new(at(i), at(j), 0.0);
-            let place =
-                antumbra::values::place(scene, "floor", point).expect("the point is on the floor");
+            let place = antumbra::values::place(scene, "floor", point).expect("on the floor");
             let exact = light.at(floor.face, place.point, &mut scratch)[0];
             let uv: DVec2 = floor.chart.to_chart(place.point);
-            let value = solution.direct_at(0, uv).expect("the floor is meshed")[0];
+            let value = solution.direct_at(0, uv).expect("on the mesh")[0];
             square += (value - exact) * (value - exact);
             max = max.max((value - exact).abs());
             n += 1.0;
@@ -179,10 +184,11 @@ fn shadow_boundaries_hold_uniform_meshes_to_order_one_and_a_half() {
     let scene = build(&fixture("alignment/rectangle-under-rectangle"));
     for shape in [CellShape::Triangles, CellShape::Mixed] {
         for degree in 1..=4u8 {
-            // Sizes that divide no distance of the scene: else edges fall on boundaries.
-            let rms: Vec<f64> = [15.0, 31.0, 61.0]
+            // Many sizes: how far an edge is from a boundary is a matter of luck.
+            let sizes = [15.0, 19.0, 23.0, 29.0, 37.0, 47.0, 59.0, 73.0, 91.0];
+            let points: Vec<[f64; 2]> = sizes
                 .iter()
-                .map(|n| {
+                .map(|n: &f64| {
                     let options = CellOptions {
                         mesher: Mesher::Uniform,
                         shape,
@@ -190,13 +196,23 @@ fn shadow_boundaries_hold_uniform_meshes_to_order_one_and_a_half() {
                         size: CellSize::Length(4.0 / n),
                         ..CellOptions::default()
                     };
-                    errors(&scene, &meshed(&scene, &options))[0]
+                    [-n.ln(), errors(&scene, &meshed(&scene, &options))[0].ln()]
                 })
                 .collect();
-            let order = (rms[0] / rms[2]).ln() / (61.0f64 / 15.0).ln();
-            println!("{shape:?} degree {degree}: {rms:?}, order {order:.2}");
-            let most = if degree == 1 { 2.2 } else { 1.9 };
-            assert!((1.15..most).contains(&order), "{shape:?} {degree}: {order}");
+            // The slope of the line of least squares.
+            let n = points.len() as f64;
+            let mean = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / n);
+            let sum = |f: &dyn Fn(f64, f64) -> f64| -> f64 {
+                points
+                    .iter()
+                    .map(|p| f(p[0] - mean[0], p[1] - mean[1]))
+                    .sum()
+            };
+            let order = sum(&|x, y| x * y) / sum(&|x, _| x * x);
+            println!("{shape:?} degree {degree}: order {order:.2}");
+            // At degree 1 what is smooth, of order 2, is not yet negligible.
+            let most = if degree == 1 { 1.85 } else { 1.75 };
+            assert!((1.3..most).contains(&order), "{shape:?} {degree}: {order}");
         }
     }
 }
@@ -246,13 +262,9 @@ fn estimators_are_effective_where_light_is_smooth() {
             };
             let mut meshes =
                 cell_meshes(&evaluator, &light, &options, &Control::default()).unwrap();
-            let truth = meshes
-                .true_errors(12, &light, antumbra::geom::Stop::NEVER)
-                .unwrap();
+            let truth = meshes.true_errors(30, &light, Stop::NEVER).unwrap();
             for estimator in Estimator::ALL {
-                let estimate = meshes
-                    .estimates(estimator, &light, antumbra::geom::Stop::NEVER)
-                    .unwrap();
+                let estimate = meshes.estimates(estimator, &light, Stop::NEVER).unwrap();
                 // Estimated over true, of elements that matter.
                 let largest = truth[0].iter().copied().fold(0.0, f64::max);
                 let ratios: Vec<f64> = estimate[0]
@@ -270,8 +282,14 @@ fn estimators_are_effective_where_light_is_smooth() {
                 match estimator {
                     // Tells contrast: no bound above.
                     Estimator::Neighbours => assert!(low > 0.5),
-                    Estimator::Measured => assert!(low > 0.4 && high < 1.5),
-                    _ => assert!(low > 0.2 && high < 3.0, "{shape:?} {degree} {estimator:?}"),
+                    // Slopes at its corners tell little of the inside of a quartic.
+                    Estimator::Gradient if degree == 4 => {
+                        assert!(low > 0.03 && high < 1.8, "{shape:?}: {low} to {high}");
+                    }
+                    _ => assert!(
+                        low > 0.2 && high < 1.8,
+                        "{shape:?} {degree} {estimator:?}: {low} to {high}"
+                    ),
                 }
             }
         }
@@ -288,6 +306,297 @@ fn edges_have_the_same_nodes_from_both_sides() {
                 assert_eq!(nodes.len(), usize::from(degree) + 1);
                 assert_eq!((nodes[0], nodes[usize::from(degree)]), (k, (k + 1) % n));
             }
+        }
+    }
+}
+
+/// A polynomial as light.
+struct Polynomial(u8);
+
+impl Polynomial {
+    fn at(&self, p: DVec2) -> f64 {
+        (0..=self.0)
+            .flat_map(|i| (0..=self.0 - i).map(move |j| (i, j)))
+            .map(|(i, j)| {
+                let factor = 1.0 + f64::from(i) - 0.5 * f64::from(j);
+                factor * p.x.powi(i.into()) * p.y.powi(j.into())
+            })
+            .sum()
+    }
+}
+
+impl Light for Polynomial {
+    fn n_bands(&self) -> usize {
+        1
+    }
+
+    fn irradiance(&self, _: FaceId, samples: &[Sample], _: f64, _: Stop<'_>) -> Option<Vec<f64>> {
+        Some(
+            samples
+                .iter()
+                .map(|s| self.at(s.point.truncate()))
+                .collect(),
+        )
+    }
+
+    fn reaches(&self, _: FaceId) -> bool {
+        true
+    }
+}
+
+/// A mesh of one polygon, refined by contrast.
+fn polygon_mesh(
+    border: &[Vec<DVec2>],
+    shape: CellShape,
+    rule: Rule,
+    light: &Polynomial,
+    degree: u8,
+) -> CellSolution {
+    let receiver = CellReceiver {
+        face: FaceId(0),
+        chart: Chart {
+            origin: DVec3::ZERO,
+            u: DVec3::X,
+            v: DVec3::Y,
+            normal: DVec3::Z,
+        },
+        forest: CellForest::new(uniform(border, 0.4, shape).expect("an area"), rule),
+        contact_radius: 1e-9,
+        hot_spots: Vec::new(),
+    };
+    let options = CellDirectOptions {
+        degree,
+        goal: CellGoal::Elements(150),
+        refinement: CellRefinement::Marked,
+        estimator: Estimator::Neighbours,
+        least_size: 1e-4,
+        most_elements: 100_000,
+    };
+    CellMeshes::solve(vec![receiver], light, &options, &Limits::NONE, &|_, _| {}).finish()
+}
+
+#[test]
+fn polynomials_of_the_degree_are_reproduced() {
+    let border = [vec![
+        dvec2(0.0, 0.0),
+        dvec2(1.0, 0.1),
+        dvec2(1.2, 0.9),
+        dvec2(0.6, 0.5),
+        dvec2(0.1, 1.0),
+    ]];
+    for shape in SHAPES {
+        for rule in [Rule::Plain, Rule::Restricted, Rule::Triangulated] {
+            for degree in 1..=4 {
+                let light = Polynomial(degree);
+                let solution = polygon_mesh(&border, shape, rule, &light, degree);
+                let mesh = &solution.receivers[0];
+                assert!(mesh.n_elements() >= 150, "{shape:?} {rule:?}");
+                for c in 0..mesh.n_elements() {
+                    for at in [[0.2, 0.3], [0.61, 0.17], [0.05, 0.9]] {
+                        let value = mesh.interpolate(&mesh.direct, 1, c, at)[0];
+                        let exact = light.at(mesh.mesh.point(c, at));
+                        assert!((value - exact).abs() < 1e-11, "{shape:?} {rule:?} {degree}");
+                    }
+                }
+                assert!(solution.measured_max_error < 1e-12);
+                assert!(crack(mesh) < 1e-11, "{shape:?} {rule:?} {degree}");
+            }
+        }
+    }
+}
+
+fn star(radii: &[f64], scale: f64, turn: f64) -> Vec<DVec2> {
+    let n = radii.len() as f64;
+    let corner = |(i, r): (usize, &f64)| {
+        DVec2::from_angle(turn + i as f64 / n * std::f64::consts::TAU) * *r * scale
+    };
+    radii.iter().enumerate().map(corner).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn random_polygons_are_filled(
+        radii in prop::collection::vec(0.2..1.0f64, 3..12),
+        hole in prop::collection::vec(0.3..1.0f64, 3..8),
+        has_hole: bool,
+        turn in 0.0..6.0f64,
+        size in 0.05..0.8f64,
+        marks in prop::collection::vec(0usize..1000, 0..40),
+    ) {
+        let mut border = vec![star(&radii, 1.0, turn)];
+        // A ring of two sectors may leave the hole outside: radii of three are enough.
+        if has_hole && radii.len() > 5 {
+            let mut inner = star(&hole, 0.1, -turn);
+            inner.reverse();
+            border.push(inner);
+        }
+        let whole: f64 = border.iter().map(|l| antumbra::geom::signed_area(l)).sum();
+        for shape in SHAPES {
+            let base = uniform(&border, size, shape).map_err(|e| TestCaseError::fail(e.to_string()))?;
+            prop_assert!(base.check().is_ok(), "{:?}", base.check());
+            prop_assert!((base.total_area() - whole).abs() < 1e-11, "{} {whole}", base.total_area());
+            prop_assert_eq!(base.n_t_vertices(), 0);
+            for rule in [Rule::Plain, Rule::Restricted, Rule::Triangulated] {
+                let mut forest = CellForest::new(base.clone(), rule);
+                for chunk in marks.chunks(8) {
+                    let (mesh, leaves) = forest.mesh();
+                    let marked: Vec<u32> =
+                        chunk.iter().map(|m| leaves[m % mesh.cells.len()]).collect();
+                    forest.refine(&marked);
+                }
+                let (mesh, _) = forest.mesh();
+                prop_assert!(mesh.check().is_ok(), "{:?}", mesh.check());
+                prop_assert!((mesh.total_area() - whole).abs() < 1e-11);
+                if rule == Rule::Triangulated {
+                    prop_assert_eq!(mesh.n_t_vertices(), 0);
+                }
+            }
+        }
+    }
+}
+
+/// Everything a mesh says, bit by bit.
+fn bits(solution: &CellSolution) -> Vec<u64> {
+    let mut all = Vec::new();
+    for mesh in &solution.receivers {
+        all.extend(mesh.element_nodes.iter().map(|&n| u64::from(n)));
+        all.extend(
+            mesh.nodes
+                .iter()
+                .flat_map(|p| [p.x.to_bits(), p.y.to_bits()]),
+        );
+        let values = mesh
+            .direct
+            .iter()
+            .chain(&mesh.irradiance)
+            .chain(&mesh.element_errors);
+        all.extend(values.map(|v| v.to_bits()));
+        all.extend([mesh.node_evaluations, mesh.check_evaluations]);
+    }
+    all
+}
+
+#[test]
+fn meshes_are_bit_identical_for_any_number_of_threads() {
+    let scene = build(&fixture("contact/table"));
+    for mesher in CELL_MESHERS {
+        let options = CellOptions {
+            mesher,
+            size: CellSize::Elements(600),
+            ..CellOptions::default()
+        };
+        let [one, three] = [1, 3].map(|n| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(n)
+                .build()
+                .unwrap();
+            pool.install(|| bits(&meshed(&scene, &options)))
+        });
+        assert!(one == three, "{mesher:?}");
+    }
+}
+
+#[test]
+fn substructuring_ends_at_the_least_size() {
+    let scene = build(&fixture("contact/box-on-floor"));
+    let least_size = 1.0 / 64.0;
+    let options = CellOptions {
+        mesher: Mesher::Adaptive,
+        degree: Some(2),
+        size: CellSize::Tolerance(Tolerance::Relative(1e-3)),
+        least_size,
+        ..CellOptions::default()
+    };
+    let solution = meshed(&scene, &options);
+    assert_eq!(solution.ended, CellEnded::LeastSizeReached);
+    let floor = &solution.receivers[0];
+    assert!(!floor.unresolved.is_empty());
+    let diagonal = floor
+        .nodes
+        .iter()
+        .fold(0.0, |d: f64, p| d.max(p.distance(floor.nodes[0])));
+    for c in 0..floor.n_elements() {
+        assert!(floor.mesh.longest_edge(c) > 0.49 * least_size * diagonal);
+    }
+}
+
+#[test]
+fn estimators_that_are_fooled_do_not_claim_the_tolerance() {
+    let scene = build(&fixture("basic/two-triangles"));
+    for estimator in Estimator::ALL {
+        let options = CellOptions {
+            mesher: Mesher::Restricted,
+            degree: Some(2),
+            size: CellSize::Tolerance(Tolerance::Relative(1e-2)),
+            estimator,
+            most_elements: 200_000,
+            ..CellOptions::default()
+        };
+        let solution = meshed(&scene, &options);
+        println!(
+            "{}: {} elements, {:.1e}, {:?}",
+            estimator.key(),
+            solution.n_elements(),
+            solution.measured_max_error,
+            solution.ended
+        );
+        let is_within = solution.measured_max_error <= 1e-2;
+        assert_eq!(solution.ended == CellEnded::ToleranceReached, is_within);
+        if estimator == Estimator::Measured {
+            assert!(is_within);
+        }
+    }
+}
+
+#[test]
+fn interreflection_on_cells_is_that_of_the_solution() {
+    let scene = build(&fixture("basic/floating-box"));
+    let evaluator = Evaluator::new(&scene);
+    let light = ExactLight::new(&evaluator);
+    for mesher in [Mesher::Uniform, Mesher::TriQuadtree, Mesher::Adaptive] {
+        let tolerance = 2e-2;
+        let options = CellOptions {
+            mesher,
+            size: CellSize::Tolerance(Tolerance::Relative(tolerance)),
+            ..CellOptions::default()
+        };
+        let radiosity = RadiosityOptions::default();
+        let solved = solve_cells(&scene, &options, &radiosity, &Control::default()).unwrap();
+        let mut worst = 0.0f64;
+        for (f, mesh) in solved.cells.receivers.iter().enumerate() {
+            assert_eq!(mesh.irradiance.len(), mesh.direct.len());
+            for (k, &uv) in mesh.nodes.iter().enumerate().step_by(17) {
+                assert!(mesh.irradiance[k] >= mesh.direct[k] - 1e-9);
+                // In the middle of elements, where no node is.
+                let Some((c, _)) = mesh.locate(uv) else {
+                    continue;
+                };
+                let at = [0.37, 0.41];
+                let point = mesh.chart.to_space(mesh.mesh.point(c, at));
+                let place = antumbra::values::Place {
+                    face: mesh.face,
+                    point,
+                };
+                let exact = antumbra::values::solved(
+                    &light,
+                    &evaluator,
+                    &solved.patches.radiosity,
+                    &[place],
+                )[0][0];
+                let value = mesh.interpolate(&mesh.irradiance, 1, c, at)[0];
+                assert_eq!(f, mesh.face.index());
+                worst = worst.max((value - exact).abs());
+            }
+        }
+        let relative = worst / solved.cells.peak[0];
+        println!(
+            "{mesher:?}: {relative:.1e}, {} elements",
+            solved.cells.n_elements()
+        );
+        if mesher == Mesher::Adaptive {
+            assert!(relative <= tolerance, "{relative}");
         }
     }
 }

@@ -348,9 +348,61 @@ pub(crate) fn cell_meshes_for(
     );
     (control.progress)(Phase::Arrangement, 0.0);
     let scene = evaluator.scene();
-    let (size, goal) = start(scene, driver, options);
+    let (mut size, goal) = start(scene, driver, options);
+    let mut receivers = receivers(evaluator, driver, size, options, control)?;
+    if let (Mesher::Graded, CellSize::Elements(wanted), StartSize::Length(length)) =
+        (options.mesher, options.size, &mut size)
+    {
+        // How many elements grading adds is seen when they are there.
+        for _ in 0..MOST_TRIES {
+            let lit = receivers.iter().filter(|r| driver.reaches(r.face));
+            let n: usize = lit.map(|r| r.forest.mesh().0.cells.len()).sum();
+            let ratio = n as f64 / wanted.max(1) as f64;
+            if (0.8..=1.25).contains(&ratio) || control.stop().is_wanted() {
+                break;
+            }
+            *length *= ratio.sqrt();
+            receivers = self::receivers(
+                evaluator,
+                driver,
+                StartSize::Length(*length),
+                options,
+                control,
+            )?;
+        }
+    }
+    (control.progress)(Phase::Irradiance, 0.0);
+    let direct = CellDirectOptions {
+        degree: options.chosen_degree(),
+        goal,
+        refinement: options.refinement(),
+        estimator: options.estimator,
+        least_size: options.least_size,
+        most_elements: options.most_elements,
+    };
+    Ok(CellMeshes::solve(
+        receivers,
+        driver,
+        &direct,
+        &control.limits(),
+        &|_, done| (control.progress)(Phase::Irradiance, done),
+    ))
+}
+
+/// Tries at a size for which a graded mesh has the number of elements that is wanted.
+const MOST_TRIES: usize = 6;
+
+/// All receivers with the cells they begin with.
+fn receivers(
+    evaluator: &Evaluator<'_>,
+    driver: &dyn Light,
+    size: StartSize,
+    options: &CellOptions,
+    control: &Control<'_>,
+) -> Result<Vec<CellReceiver>, Error> {
+    let scene = evaluator.scene();
     let faces: Vec<FaceId> = scene.face_ids().collect();
-    let receivers: Vec<CellReceiver> = faces
+    faces
         .par_iter()
         .map(|&face| {
             let chart = scene.chart(face);
@@ -374,23 +426,7 @@ pub(crate) fn cell_meshes_for(
                 chart,
             })
         })
-        .collect::<Result<_, _>>()?;
-    (control.progress)(Phase::Irradiance, 0.0);
-    let direct = CellDirectOptions {
-        degree: options.chosen_degree(),
-        goal,
-        refinement: options.refinement(),
-        estimator: options.estimator,
-        least_size: options.least_size,
-        most_elements: options.most_elements,
-    };
-    Ok(CellMeshes::solve(
-        receivers,
-        driver,
-        &direct,
-        &control.limits(),
-        &|_, done| (control.progress)(Phase::Irradiance, done),
-    ))
+        .collect()
 }
 
 /// The size that refinement starts with, relative to the receiver's diagonal: no feature

@@ -38,7 +38,6 @@ pub(crate) fn run(args: &Arguments) -> Result<Ending, Failure> {
         interreflection: args.interreflection,
         repeats: args.repeats,
         budget: PLANNED * args.limits.budget.unwrap_or(USUAL_BUDGET),
-        ..StudyOptions::default()
     };
     let started = Instant::now();
     let meter = Meter {

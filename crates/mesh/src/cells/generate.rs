@@ -26,6 +26,12 @@ const MARGIN: f64 = 0.4;
 /// such polygons are meshed like others.
 const THINNEST: f64 = 0.25;
 
+/// Rectangles of a thin polygon are no longer than this many of its widths...
+const LONGEST: f64 = 2.0;
+
+/// ... unless there would be more than this many for that reason alone.
+const MOST_IN_A_ROW: f64 = 64.0;
+
 /// A mesh of a polygon whose cells have about the given size everywhere.
 ///
 /// * `border` — the outline counter-clockwise and the holes, in the chart.
@@ -149,6 +155,12 @@ fn rectilinear(border: &[Vec<DVec2>], frame: &Frame, size: f64) -> Option<CellMe
     if !local.iter().all(is_along_axis) {
         return None;
     }
+    // A thin rectangle is cut across, so that its cells are no longer than twice as wide,
+    // unless it is a sliver.
+    let extent = max - min;
+    let size = size
+        .min(LONGEST * extent.min_element())
+        .max(size.min(extent.max_element() / MOST_IN_A_ROW));
     let mut lines: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
     for (axis, lines) in lines.iter_mut().enumerate() {
         let mut values: Vec<f64> = corners().map(|p| p[axis]).collect();

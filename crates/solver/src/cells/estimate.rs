@@ -40,7 +40,7 @@ pub enum Estimator {
     /// The largest difference to the element of the next higher degree, at its nodes; of a
     /// bilinear element, to the bicubic one.
     HigherOrder,
-    /// The largest residual of the equation at Gauss points (2 × 2 of a quadrilateral, 6
+    /// The largest residual of the equation at Gauss points (3 × 3 of a quadrilateral, 6
     /// of a triangle): exact irradiance less the interpolated one.
     ///
     /// # Source
@@ -136,11 +136,22 @@ const NESTED_TRIANGLE: [&[[f64; 2]]; 4] = [
 const OTHERS_QUAD: [[f64; 2]; 4] = [[0.42, 0.09], [0.91, 0.42], [0.58, 0.91], [0.09, 0.58]];
 const OTHERS_TRIANGLE: [[f64; 2]; 3] = [[0.50, 0.08], [0.08, 0.42], [0.42, 0.50]];
 
-/// The points of the Gauss rules of degree 3 on the square and 4 on the triangle.
-const GAUSS_QUAD: [[f64; 2]; 4] = {
-    const NEAR: f64 = 0.211_324_865_405_187_1;
+/// The points of the Gauss rules of degree 5 on the square and 4 on the triangle: with
+/// fewer, errors of opposite curvatures hide from all of them.
+const GAUSS_QUAD: [[f64; 2]; 9] = {
+    const NEAR: f64 = 0.112_701_665_379_258_3;
     const FAR: f64 = 1.0 - NEAR;
-    [[NEAR, NEAR], [FAR, NEAR], [FAR, FAR], [NEAR, FAR]]
+    [
+        [NEAR, NEAR],
+        [0.5, NEAR],
+        [FAR, NEAR],
+        [NEAR, 0.5],
+        [0.5, 0.5],
+        [FAR, 0.5],
+        [NEAR, FAR],
+        [0.5, FAR],
+        [FAR, FAR],
+    ]
 };
 const GAUSS_TRIANGLE: [[f64; 2]; 6] = {
     const A: f64 = 0.445_948_490_915_965;
