@@ -7,6 +7,7 @@
 use antumbra::{Control, Ended, Options, SceneInput, Tolerance};
 use antumbra_tests::cases::{build, fixture};
 use antumbra_tests::motion::Motion;
+use antumbra_tests::random::SplitMix;
 use antumbra_tests::scenes::{
     Facing, add_box, add_horizontal, add_room, empty, exact, only_face, points_on,
 };
@@ -303,4 +304,99 @@ fn floor_behind_a_lamp_that_stands_on_it_gets_no_light() {
     );
     is_dark_at_points(&scene, std::slice::from_ref(&behind), 1000);
     is_dark_in_elements(&scene, &behind, 1e-8);
+}
+
+/// The wall below two windows of one height has its edges under both sills on one line:
+/// through a point of it and the other edge there is no plane.
+#[test]
+fn nodes_below_sills_of_one_height_see_nothing_beyond_the_wall() {
+    for motion in poses() {
+        let scene = build(&motion.scene(&fixture("contact/two-sills")));
+        let options = Options {
+            tolerance: Tolerance::Relative(1e-3),
+            ..limited()
+        };
+        let meshed =
+            antumbra::mesh(&scene, &options, &Control::default()).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(meshed.direct.ended, Ended::ToleranceReached);
+        let sill = scene.surface_named("left sill").expect("a sill");
+        let mut n_lit = 0;
+        for mesh in &meshed.direct.receivers {
+            if scene.face(mesh.face).surface != sill {
+                continue;
+            }
+            assert!(mesh.unresolved.is_empty(), "{:?}", mesh.unresolved);
+            for &e in &mesh.direct {
+                // Beyond the wall it would be a half, before it the cavity is narrow.
+                assert!(e < 0.25, "{e} at a node");
+                n_lit += usize::from(e > 0.0);
+            }
+        }
+        assert!(n_lit > 0, "the sill is lit from below");
+    }
+}
+
+/// A closed room whose walls miss its floor and ceiling by a hundredth of a millimetre.
+fn ragged_room() -> SceneInput {
+    let mut scene = empty();
+    add_room(
+        &mut scene,
+        "room",
+        "grey",
+        dvec3(-1.5, -1.0, 0.0),
+        dvec3(1.5, 1.0, 2.5),
+    );
+    // Floor and ceiling come first, so that the walls are plane when they are welded.
+    scene.surfaces.rotate_right(2);
+    let mut random = SplitMix::new(7);
+    let gap = DVec3::splat(1e-5);
+    for corner in scene.surfaces[2..].iter_mut().flat_map(|s| &mut s.vertices) {
+        *corner += random.in_box(-gap, gap);
+    }
+    // All around it, facing it.
+    add_horizontal(
+        &mut scene,
+        "lamp below",
+        "lamp",
+        ([-9.0, 9.0], [-9.0, 9.0], -1.0),
+        Facing::Up,
+    );
+    add_horizontal(
+        &mut scene,
+        "lamp above",
+        "lamp",
+        ([-9.0, 9.0], [-9.0, 9.0], 4.0),
+        Facing::Down,
+    );
+    scene
+}
+
+#[test]
+fn welded_room_is_closed_and_no_corner_moves_farther_than_asked_for() {
+    let ragged = ragged_room();
+    let length = 5e-5;
+    let mut welded = ragged.clone();
+    let report = welded
+        .weld(length)
+        .unwrap_or_else(|p| panic!("{}", p.message));
+    assert_eq!(report.n_moved, 16, "{report:?}");
+    for (before, after) in ragged.surfaces.iter().zip(&welded.surfaces) {
+        for (p, q) in before.vertices.iter().zip(&after.vertices) {
+            assert!(p.distance(*q) <= length, "{p} moved to {q}");
+        }
+    }
+    let brightest = |input: &SceneInput| {
+        let scene = build(input);
+        let meshed = antumbra::mesh(&scene, &limited(), &Control::default())
+            .unwrap_or_else(|e| panic!("{e}"));
+        let inside = meshed.direct.receivers.iter().filter(|mesh| {
+            let name = &scene.surface_of(mesh.face).name;
+            name.starts_with("room")
+        });
+        inside
+            .flat_map(|mesh| mesh.direct.iter().copied())
+            .fold(0.0, f64::max)
+    };
+    assert!(brightest(&ragged) > 1e-3, "light comes through its gaps");
+    assert!(brightest(&welded) <= ROUNDING, "{:e}", brightest(&welded));
 }

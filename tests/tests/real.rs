@@ -62,9 +62,7 @@ real_scenes! {
     tobj_thin_face: Above, ["obj/issue-319-002.obj"];
     tobj_one_triangle: Above, ["obj/leading-zero-in-exponent-notation-issue-210.obj"];
     tobj_two_squares: Above, ["obj/smoothing-group-two-squares.obj"];
-    #[ignore = "the lamp ends 0 to 21 µm off the walls: more than 200 000 elements"]
     energyplus_zone: Own, ["real/energyplus-lshaped/zone1.json"];
-    #[ignore = "the lamp ends 0 to 21 µm off the walls: more than 200 000 elements"]
     energyplus_zone_corrected: Own, ["real/energyplus-lshaped/zone1-corrected.json"];
     frads_open_room: Last, [
         "real/frads-openroom/ceiling_openroom.rad",
@@ -375,4 +373,32 @@ fn check(real: &RealScene) {
         wrong.extend(found.wrong);
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// The check says by how much the corners of a room miss, and with what length welding
+/// joins them.
+#[test]
+fn zone_whose_corners_miss_can_be_welded() {
+    let ragged = read(&["real/energyplus-lshaped/zone1-corrected.json"])
+        .unwrap_or_else(|e| panic!("a scene: {e}"));
+    let gaps = ragged.corner_gaps().expect("gaps");
+    assert!(
+        gaps.message.contains("welding with 5e-5 m"),
+        "{}",
+        gaps.message
+    );
+    let mut welded = ragged.clone();
+    let report = welded
+        .weld(5e-5)
+        .unwrap_or_else(|p| panic!("{}", p.message));
+    assert_eq!(Some(report.farthest), gaps.found);
+    for (before, after) in ragged.surfaces.iter().zip(&welded.surfaces) {
+        for (p, q) in before.vertices.iter().zip(&after.vertices) {
+            assert!(p.distance(*q) <= 5e-5, "{p} moved to {q}");
+        }
+    }
+    assert!(welded.corner_gaps().is_none());
+    let name = "real/energyplus-lshaped/zone1-corrected.json, welded";
+    let found = compare(name, &build(&welded), 1e-2, 200_000, n_points());
+    assert!(found.wrong.is_empty(), "{}", found.wrong.join("\n"));
 }

@@ -822,6 +822,7 @@ fn prepare(
         mesh,
         orders,
         contact_radius: contact_radius(scene, face),
+        touched: touched_points(scene, face, &chart),
         postponed,
         knows_all_curves: knows_all_curves && !scouted.is_stopped,
     };
@@ -857,6 +858,36 @@ pub(crate) fn hot_spots(scene: &Scene, face: FaceId, chart: &Chart) -> Vec<DVec2
         }
     }
     spots
+}
+
+/// Where corners of other faces touch a receiver, in no order that matters: irradiance has
+/// no single value there, whether or not an edge of them lies on the receiver.
+fn touched_points(scene: &Scene, face: FaceId, chart: &Chart) -> Vec<DVec2> {
+    let receiver = scene.face(face);
+    let radius = contact_radius(scene, face);
+    let origin = scene.position(receiver.outline[0]);
+    let mut bounds = Aabb::of(receiver.outline.iter().map(|&v| scene.position(v)));
+    bounds.min -= DVec3::splat(radius);
+    bounds.max += DVec3::splat(radius);
+    let mut touching = Vec::new();
+    scene.tree.visit(
+        |b| b.meets(&bounds),
+        |piece| {
+            let piece = &scene.pieces[piece as usize];
+            if scene.face(piece.face).plane != receiver.plane {
+                let is_near = |p: DVec3| receiver.normal.dot(p - origin).abs() <= radius;
+                let corners = piece.vertices.iter();
+                touching.extend(corners.filter(|&&v| is_near(scene.position(v))));
+            }
+        },
+    );
+    touching.sort_unstable();
+    touching.dedup();
+    touching.retain(|v| !receiver.loops().any(|corners| corners.contains(v)));
+    touching
+        .into_iter()
+        .map(|v| chart.to_chart(scene.position(v)))
+        .collect()
 }
 
 /// The exitance of a curve's emitter per band; nothing for contacts of occluders.

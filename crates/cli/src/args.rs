@@ -91,6 +91,10 @@ pub(crate) struct Common {
     /// glTF file's that are not metres: m, mm, cm, in or ft.
     #[arg(long, value_name = "UNIT", value_parser = length_unit, default_value = "m")]
     pub(crate) length_unit: LengthUnit,
+    /// Make one of corners that are no farther from each other than this, in the file's
+    /// unit of length; less than the shortest edge.
+    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    pub(crate) weld: Option<f64>,
     /// Threads; the result does not depend on it.
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,

@@ -17,6 +17,10 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
             let open_rooms = built.scene.open_rooms();
             let mut warnings = built.warnings;
             warnings.extend(open_rooms.iter().map(|room| room.problem(&built.scene)));
+            warnings.extend(input.corner_gaps().map(|mut gaps| {
+                gaps.message.push_str(" (--weld)");
+                gaps
+            }));
             if common.json {
                 let document = json!({
                     "version": env!("CARGO_PKG_VERSION"),

@@ -14,8 +14,19 @@ pub(crate) struct Loaded {
     pub(crate) notes: Vec<String>,
 }
 
-/// Reads a scene file by its extension, without checking its content.
+/// Reads a scene file by its extension and welds it if that is asked for, without checking
+/// its content.
 pub(crate) fn read(common: &Common) -> Result<antumbra::SceneInput, Failure> {
+    let mut input = read_file(common)?;
+    if let Some(length) = common.weld {
+        input.weld(length).map_err(|problem| {
+            Failure::not_acceptable(refusal(&common.scene, &[*problem], common))
+        })?;
+    }
+    Ok(input)
+}
+
+fn read_file(common: &Common) -> Result<antumbra::SceneInput, Failure> {
     let path = &common.scene;
     let extension = path
         .extension()

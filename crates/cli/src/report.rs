@@ -336,7 +336,7 @@ pub(crate) fn summary(report: &Value, result: &Outcome<'_>) -> String {
     let unresolved = report["unresolved_elements"].as_u64().unwrap_or(0);
     if unresolved > 0 {
         text.push_str(&format!(
-            "\n{unresolved} elements at ends of contacts ({:.1e} of the area) are at the resolution limit",
+            "\n{unresolved} elements ({:.1e} of the area) are at the resolution limit",
             report["unresolved_area_fraction"].as_f64().unwrap_or(0.0),
         ));
     }

@@ -1,4 +1,4 @@
-//! Refinement by bisection of longest edges (Rivara 1984).
+//! Refinement by bisection: of longest edges (Rivara 1984), or of edges that are named.
 
 use std::cmp::Ordering;
 
@@ -7,11 +7,31 @@ use glam::DVec2;
 
 use crate::trimesh::{TriMesh, ascending};
 
+/// A triangle whose longest edge is longer than this many times the one through which a
+/// neighbour is bisected is cut there as well, and not through its longest edge.
+///
+/// Slim triangles lie along layers. With their longest edges (no bound), a bisection
+/// beside a layer goes on along all of it: at 1e-2 and 1e-3 the fixtures take 1.2 times
+/// the evaluations. With any edge (1), shapes get worse wherever elements grade.
+const SLIM: f64 = 2.5;
+
+/// An edge of a triangle, and where to split it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Split {
+    /// The triangle.
+    pub triangle: u32,
+    /// The edge from this corner to the next.
+    pub edge: usize,
+    /// The share of the edge before the new vertex, above 0 and below 1.
+    pub at: f64,
+}
+
 impl TriMesh {
     /// Bisects the marked triangles across their longest edges.
     ///
     /// Neighbours are bisected as far as it takes for the mesh to stay conforming:
-    /// no vertex ever lies inside an edge. The halves of an edge inherit its
+    /// no vertex ever lies inside an edge. Slim ones are cut where the edge is, others
+    /// through their longest edges first. The halves of an edge inherit its
     /// curves. The order of `marked` and repetitions in it make no difference.
     ///
     /// Returns for each triangle which triangle before the call it is a part of. A
@@ -35,6 +55,36 @@ impl TriMesh {
         for t in marked {
             if refinement.is_splittable(t) {
                 refinement.split(t);
+            }
+        }
+        refinement.parents
+    }
+
+    /// Splits edges that are named, whatever their lengths, and the triangles beside them.
+    ///
+    /// The triangle beyond is cut in two as well, and no other. Where an edge has cut a
+    /// triangle that was named itself, the latter is left at that. Nothing shorter than
+    /// two pixels of the arrangement is made.
+    ///
+    /// Returns what [`bisect`](Self::bisect) does. The order of `splits` makes no
+    /// difference.
+    ///
+    /// # Panics
+    ///
+    /// If an index is no triangle, or an edge is not below 3.
+    pub fn split(&mut self, splits: &[Split]) -> Vec<u32> {
+        let mut splits = splits.to_vec();
+        splits.sort_by_key(|s| (s.triangle, s.edge));
+        let mut refinement = Refinement::new(self);
+        for split in splits {
+            if refinement.was_split(split.triangle) {
+                continue;
+            }
+            let ends = [split.edge, (split.edge + 1) % 3];
+            let [p, q] = ends.map(|i| refinement.mesh.corner(split.triangle, i));
+            let shorter = p.distance(q) * split.at.min(1.0 - split.at);
+            if shorter >= 2.0 * refinement.mesh.pixel() {
+                refinement.split_edge(split.triangle, split.edge, p + (q - p) * split.at);
             }
         }
         refinement.parents
@@ -113,7 +163,7 @@ impl<'a> Refinement<'a> {
             let beyond = self.mesh.neighbours[last as usize][k];
             let back = beyond.map(|n| (n, self.side_towards(n, last)));
             match back {
-                Some((n, side)) if self.mesh.longest_edge(n) != side => path.push(n),
+                Some((n, side)) if !self.is_bisected_across(n, side) => path.push(n),
                 _ => {
                     let [p, q] = [k, (k + 1) % 3].map(|i| self.mesh.corner(last, i));
                     self.split_edge(last, k, (p + q) / 2.0);
@@ -122,6 +172,17 @@ impl<'a> Refinement<'a> {
                 }
             }
         }
+    }
+
+    /// May a triangle be cut through this edge because a neighbour is? Through its
+    /// longest edge, or if it is [`SLIM`].
+    fn is_bisected_across(&self, t: u32, edge: usize) -> bool {
+        let length = |k: usize| {
+            let [p, q] = [k, (k + 1) % 3].map(|i| self.mesh.corner(t, i));
+            p.distance(q)
+        };
+        let longest = self.mesh.longest_edge(t);
+        longest == edge || length(longest) > SLIM * length(edge)
     }
 
     /// Which edge of triangle `t` leads to triangle `to`.

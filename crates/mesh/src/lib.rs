@@ -25,6 +25,7 @@ pub use arrange::{
     ArrangedEdge, Arrangement, ArrangementOptions, ArrangementReport, Order, TaggedCurve, arrange,
     arrange_until,
 };
+pub use bisect::Split;
 pub use cut::{Cut, Origins};
 pub use locate::Locator;
 pub use sets::{CurveSets, SetId};

@@ -6,7 +6,7 @@ mod common;
 use std::time::Instant;
 
 use antumbra_mesh::{
-    Arrangement, ArrangementOptions, Cut, Locator, Order, TriMesh, arrange, shape_quality,
+    Arrangement, ArrangementOptions, Cut, Locator, Order, Split, TriMesh, arrange, shape_quality,
 };
 use common::{FAMILIES, Rng, family, outline, segment, square};
 use glam::{DVec2, dvec2};
@@ -97,6 +97,39 @@ fn random_bisections_keep_all_promises_and_the_area() {
                 let reversed: Vec<u32> = marked.iter().rev().copied().collect();
                 again.bisect(&reversed);
                 assert_eq!(again.triangles, mesh.triangles);
+            }
+        }
+    }
+}
+
+/// Any edges, at any places, the shortest included.
+#[test]
+fn random_splits_keep_all_promises_and_the_area_and_make_nothing_below_pixels() {
+    for (seed, name) in (0..).zip(FAMILIES) {
+        let (arrangement, mut mesh) = arranged_mesh_of(name, 12, 1e-9, seed);
+        let mut rng = Rng::new(seed + 300);
+        let area = mesh.total_area();
+        for _ in 0..20 {
+            let n = mesh.triangles.len();
+            let splits: Vec<Split> = (0..1 + n / 20)
+                .map(|_| Split {
+                    triangle: rng.below(n) as u32,
+                    edge: rng.below(3),
+                    at: [0.5, 0.08, 0.95][rng.below(3)],
+                })
+                .collect();
+            let before = mesh.clone();
+            let parents = mesh.split(&splits);
+            mesh.check_against(&arrangement)
+                .unwrap_or_else(|e| panic!("{name}: {e}"));
+            assert!((mesh.total_area() - area).abs() < 1e-12);
+            assert_eq!(parents.len(), mesh.triangles.len());
+            for split in &splits {
+                let corners = before.corners(split.triangle);
+                let length = corners[split.edge].distance(corners[(split.edge + 1) % 3]);
+                let is_tiny = length * split.at.min(1.0 - split.at) < 2.0 * mesh.pixel();
+                let is_split = parents[n..].contains(&split.triangle);
+                assert!(is_split || is_tiny, "{name}: {split:?}");
             }
         }
     }

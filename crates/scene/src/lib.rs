@@ -13,6 +13,7 @@ mod problem;
 mod query;
 mod report;
 mod scene;
+mod weld_input;
 
 pub use build::Built;
 pub use bvh::{Aabb, BoxTree};
@@ -24,3 +25,4 @@ pub use scene::{
     Edge, EdgeId, Face, FaceId, Frame, Material, MaterialId, Piece, Plane, PlaneId, Scene, Side,
     Surface, SurfaceId, VertexId,
 };
+pub use weld_input::Welded;

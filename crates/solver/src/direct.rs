@@ -226,7 +226,7 @@ impl DirectMeshes {
                 }
                 let before = field.snapshot();
                 field.cut(&mut levels, &allowed);
-                field.refine(levels, stop);
+                field.refine(levels, &allowed, stop);
                 let is_done = field.evaluate(light, stop);
                 if !is_done {
                     field.restore(before);

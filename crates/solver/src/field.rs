@@ -5,7 +5,7 @@ pub(crate) mod posterior;
 use crate::basis::{MOST_NODES, lattice, n_nodes, values};
 use antumbra_geom::{Chart, Stop};
 use antumbra_mesh::{
-    ArrangementOptions, Cut, Locator, Order, Origins, TaggedCurve, TriMesh, arrange,
+    ArrangementOptions, Cut, Locator, Order, Origins, Split, TaggedCurve, TriMesh, arrange,
 };
 use antumbra_scene::FaceId;
 use glam::{DVec2, DVec3};
@@ -66,6 +66,9 @@ pub struct Receiver {
     pub orders: Vec<Order>,
     /// Distance within which features touch a node on the border or a contact.
     pub contact_radius: f64,
+    /// Where corners of other surfaces touch it: there irradiance depends on the direction
+    /// of approach.
+    pub touched: Vec<DVec2>,
     /// Curves that are not in the mesh and are put there where they pay.
     pub postponed: Vec<Postponed>,
     /// Are all curves across which light bends in the mesh or postponed? Then
@@ -130,8 +133,8 @@ pub struct ReceiverMesh {
     /// Exact evaluations spent: nodes and check points.
     pub exact_evaluations: u64,
     /// Elements at the resolution limit whose error is above the tolerance: at
-    /// the ends of contacts, where irradiance has no single value, and elements (or
-    /// slivers) of a few pixels of the arrangement.
+    /// the ends of contacts, where irradiance has no single value, and elements that are
+    /// a few pixels of the arrangement long or wide.
     pub unresolved: Vec<u32>,
     /// Elements whose error is above the tolerance, the unresolved ones among them.
     pub n_above: usize,
@@ -268,10 +271,28 @@ const SHORTEST: f64 = 1.0 / (1 << 22) as f64;
 /// kinks gain more by a bisection (a D1 kink 0.7). At the ends of contacts
 /// [`RESOLUTION`] decides.
 ///
-/// Their curves are off by a few pixels where irradiance is so steep that it matters, as
-/// in the penumbra of a slit; refinement would go on along the whole curve.
-const MOST_STALLED: [u8; 2] = [3, 6];
+/// The curves of thin ones are off by a few pixels where irradiance is so steep that it
+/// matters, as in the penumbra of a slit; refinement would go on along the whole curve.
+/// Others go through as many rounds as it takes to find a layer of a few pixels, and no
+/// place is known where they do not find it: if there is one, the result says that the
+/// tolerance was not reached.
+const MOST_STALLED: [u8; 2] = [3, 16];
 const PROGRESS: f64 = 0.8;
+
+/// Light is taken to change at one end of an edge only if this share of its variation
+/// lies within [`ONE_END`] of it. Then the edge is split where half of it does.
+///
+/// A step that the first check point and the first node of degree 3 enclose has all of
+/// its variation within 1/6. With a share of 0.5, penumbras that end in an element pass
+/// for layers (`basic/two-triangles` at 1e-2 takes a third more evaluations); with 0.75,
+/// layers whose light decays slowly are bisected (a gap of 1e-5 under a lamp takes a half
+/// more).
+const AT_END: f64 = 0.6;
+const ONE_END: f64 = 0.167;
+
+/// Elements at singular points whose longest edge is this many times their height are
+/// bisected without regard to their neighbours' shapes: those lie along a layer too.
+const ELONGATED: f64 = 8.0;
 
 /// Thin elements: thinner than this fraction of their receiver, 256 pixels.
 const THIN: f64 = 4.0 * SHORTEST;
@@ -312,6 +333,7 @@ pub(crate) struct Field {
     border: Vec<Vec<DVec2>>,
     pub(crate) progress: Progress,
     contact_radius: f64,
+    touched: Vec<DVec2>,
     postponed: Vec<Postponed>,
     hot_spots: Vec<DVec2>,
     /// The postponed curves that run through each element.
@@ -332,6 +354,8 @@ pub(crate) struct Field {
     /// node marks an element not evaluated yet.
     pub(crate) element_nodes: Vec<[u32; MOST_NODES]>,
     pub(crate) errors: Vec<f64>,
+    /// What was measured along the edges of evaluated elements.
+    edges: Vec<[EdgeError; 3]>,
     /// Does the element touch a place where irradiance has no single value?
     pub(crate) is_singular: Vec<bool>,
     /// Was the error measured at the second points too?
@@ -340,6 +364,26 @@ pub(crate) struct Field {
     pub(crate) peak: Vec<f64>,
     pub(crate) n_evaluations: u64,
     pub(crate) size: f64,
+}
+
+/// What was measured along an edge of an element.
+#[derive(Clone, Copy, Debug, Default)]
+struct EdgeError {
+    /// The largest error, and its band.
+    error: f64,
+    band: usize,
+    /// Where light changes, if it does at one end only, as a share of the edge.
+    layer: Option<f64>,
+}
+
+impl EdgeError {
+    /// Relative to what is allowed.
+    fn excess(&self, allowed: &[f64]) -> f64 {
+        match allowed.get(self.band) {
+            Some(&allowed) if allowed > 0.0 => self.error / allowed,
+            _ => 0.0,
+        }
+    }
 }
 
 /// Whether refinement gets anywhere.
@@ -364,6 +408,7 @@ pub(crate) struct Snapshot {
     crossing: Vec<Vec<u32>>,
     element_nodes: Vec<[u32; MOST_NODES]>,
     errors: Vec<f64>,
+    edges: Vec<[EdgeError; 3]>,
     is_singular: Vec<bool>,
     is_verified: Vec<bool>,
 }
@@ -393,6 +438,7 @@ impl Field {
         Self {
             border: receiver.border,
             progress: Progress::Unfinished,
+            touched: receiver.touched,
             postponed: receiver.postponed,
             hot_spots: receiver.hot_spots,
             crossing,
@@ -412,6 +458,7 @@ impl Field {
             beside: HashMap::new(),
             element_nodes: vec![[u32::MAX; MOST_NODES]; n_triangles],
             errors: vec![0.0; n_triangles * n_bands],
+            edges: vec![[EdgeError::default(); 3]; n_triangles],
             is_singular: vec![false; n_triangles],
             is_verified: vec![false; n_triangles],
             history: vec![
@@ -514,6 +561,7 @@ impl Field {
         self.direct.clear();
         self.element_nodes = vec![[u32::MAX; MOST_NODES]; n_triangles];
         self.errors = vec![0.0; n_triangles * self.n_bands];
+        self.edges = vec![[EdgeError::default(); 3]; n_triangles];
         self.is_singular = vec![false; n_triangles];
         self.is_verified = vec![false; n_triangles];
     }
@@ -524,6 +572,7 @@ impl Field {
             crossing: self.crossing.clone(),
             element_nodes: self.element_nodes.clone(),
             errors: self.errors.clone(),
+            edges: self.edges.clone(),
             is_singular: self.is_singular.clone(),
             is_verified: self.is_verified.clone(),
         }
@@ -536,6 +585,7 @@ impl Field {
         self.crossing = before.crossing;
         self.element_nodes = before.element_nodes;
         self.errors = before.errors;
+        self.edges = before.edges;
         self.is_singular = before.is_singular;
         self.is_verified = before.is_verified;
     }
@@ -621,6 +671,10 @@ impl Field {
                     worst = worst.max((self.value(&self.direct, t, at, band) - exact).abs());
                 }
                 self.errors[t * self.n_bands + band] = worst;
+            }
+            if self.knows_all_curves {
+                self.edges[t] =
+                    std::array::from_fn(|edge| self.edge_error(t, edge, &edge_checks[k]));
             }
         }
         self.border = Vec::new();
@@ -939,7 +993,20 @@ impl Field {
     }
 
     /// Is there nothing to be gained from refining an element?
-    pub(crate) fn is_at_resolution(&self, t: usize) -> bool {
+    fn is_given_up(&self, t: usize, allowed: &[f64]) -> bool {
+        self.is_at_resolution(t, allowed)
+            || (self.knows_all_curves
+                && !self.is_singular[t]
+                && self.n_stalled(t) >= MOST_STALLED[1])
+    }
+
+    /// Is an element so small, or so thin, that it cannot be expected to get better?
+    pub(crate) fn is_at_resolution(&self, t: usize, allowed: &[f64]) -> bool {
+        let is_too_short = |split: Split| {
+            let corners = self.mesh.corners(t as u32);
+            let length = corners[split.edge].distance(corners[(split.edge + 1) % 3]);
+            length <= SHORTEST * self.size
+        };
         let resolution = if self.is_singular[t] {
             RESOLUTION
         } else {
@@ -947,9 +1014,11 @@ impl Field {
         };
         self.longest_edge(t) <= resolution * self.size
             || self.is_sliver(t)
+            || self.split_of_layer(t, allowed).is_some_and(is_too_short)
             || (self.knows_all_curves
                 && !self.is_singular[t]
-                && self.n_stalled(t) >= MOST_STALLED[usize::from(!self.is_thin(t))])
+                && self.is_thin(t)
+                && self.n_stalled(t) >= MOST_STALLED[0])
     }
 
     /// Vertices with one-sided values.
@@ -972,18 +1041,7 @@ impl Field {
             let v = group[0].0;
             let at = self.mesh.vertices[v as usize];
             let has_contact = group.iter().any(|e| e.2.is_contact);
-            let line = match group {
-                [(_, a, _), (_, b, _)] => {
-                    let (p, q) = (
-                        self.mesh.vertices[*a as usize] - at,
-                        self.mesh.vertices[*b as usize] - at,
-                    );
-                    let straight =
-                        p.perp_dot(q).abs() <= 1e-6 * p.length() * q.length() && p.dot(q) < 0.0;
-                    straight.then_some(q - p)
-                }
-                _ => None,
-            };
+            let line = self.line_through(at, group.iter().map(|e| e.1));
             special.insert(
                 v,
                 SpecialVertex {
@@ -996,28 +1054,62 @@ impl Field {
         special
     }
 
+    /// The direction of the line on which a vertex and the others lie, if they do and it
+    /// runs straight through the vertex.
+    ///
+    /// More than two are the ends of a line and of the far edges of slivers along it,
+    /// which are no bend.
+    fn line_through(&self, at: DVec2, others: impl Iterator<Item = u32>) -> Option<DVec2> {
+        let arms: SmallVec<[DVec2; 4]> = others
+            .map(|v| self.mesh.vertices[v as usize] - at)
+            .collect();
+        let slack = if arms.len() > 2 {
+            self.contact_radius
+        } else {
+            0.0
+        };
+        let longest = arms.iter().copied().reduce(|a, b| {
+            if b.length_squared() > a.length_squared() {
+                b
+            } else {
+                a
+            }
+        })?;
+        let along = longest.try_normalize()?;
+        let is_straight =
+            |arm: &DVec2| along.perp_dot(*arm).abs() <= (1e-6 * arm.length()).max(slack);
+        let runs_through = arms.iter().any(|arm| along.dot(*arm) < 0.0);
+        (runs_through && arms.iter().all(is_straight)).then_some(longest)
+    }
+
     /// Where irradiance has no single value, sorted by u.
     fn singular_points(&self, special: &HashMap<u32, SpecialVertex>) -> Vec<DVec2> {
         let mut points: Vec<DVec2> = (0..self.mesh.vertices.len() as u32)
             .filter(|v| special.get(v).is_some_and(|s| s.is_singular))
             .map(|v| self.mesh.vertices[v as usize])
             .collect();
+        points.extend_from_slice(&self.touched);
         points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
         points
     }
 
-    /// Has the element a corner at a singular point? Corners a few pixels from it
-    /// count: several curves end at a contact's end, up to rounding.
+    /// Is there a singular point in the element, or within a few pixels of it? Several
+    /// curves end at a contact's end, up to rounding, and no curve need end where a corner
+    /// touches.
     fn touches(&self, t: usize, singular: &[DVec2]) -> bool {
         let radius = 32.0 * self.contact_radius;
-        self.mesh.triangles[t].iter().any(|&v| {
-            let p = self.mesh.vertices[v as usize];
-            let from = singular.partition_point(|s| s.x < p.x - radius);
-            singular[from..]
-                .iter()
-                .take_while(|s| s.x <= p.x + radius)
-                .any(|s| s.distance_squared(p) <= radius * radius)
-        })
+        let corners = self.mesh.corners(t as u32);
+        let min = corners[0].min(corners[1]).min(corners[2]) - radius;
+        let max = corners[0].max(corners[1]).max(corners[2]) + radius;
+        let is_near = |s: DVec2| {
+            let is_inside = barycentric(corners, s).iter().all(|&x| x >= 0.0);
+            is_inside || (0..3).any(|k| distance(corners[k], corners[(k + 1) % 3], s) <= radius)
+        };
+        let from = singular.partition_point(|s| s.x < min.x);
+        singular[from..]
+            .iter()
+            .take_while(|s| s.x <= max.x)
+            .any(|&s| s.y >= min.y && s.y <= max.y && is_near(s))
     }
 
     /// The nodes of an element: known ones, and new ones with their samples.
@@ -1034,12 +1126,12 @@ impl Field {
         let mut ids = [u32::MAX; MOST_NODES];
         for (id, node) in ids.iter_mut().zip(lattice(self.degree)) {
             let (uv, side) = match node.map(|m| m > 0) {
-                [true, false, false] => self.corner(triangle[0], special, centroid),
-                [false, true, false] => self.corner(triangle[1], special, centroid),
-                [false, false, true] => self.corner(triangle[2], special, centroid),
-                [true, true, false] => self.on_edge(t, 0, f64::from(node[1]) / p, centroid),
-                [false, true, true] => self.on_edge(t, 1, f64::from(node[2]) / p, centroid),
-                [true, false, true] => self.on_edge(t, 2, f64::from(node[0]) / p, centroid),
+                [true, false, false] => self.corner(t, 0, special, centroid),
+                [false, true, false] => self.corner(t, 1, special, centroid),
+                [false, false, true] => self.corner(t, 2, special, centroid),
+                [true, true, false] => self.on_edge(t, 0, f64::from(node[1]) / p),
+                [false, true, true] => self.on_edge(t, 1, f64::from(node[2]) / p),
+                [true, false, true] => self.on_edge(t, 2, f64::from(node[0]) / p),
                 _ => (
                     self.point(t, node.map(|m| f64::from(m) / p)),
                     NodeSide::Both,
@@ -1074,7 +1166,7 @@ impl Field {
                 [off, 1.0 - off]
             };
             for at in order {
-                let (uv, side) = self.on_edge(t, k, at, centroid);
+                let (uv, side) = self.on_edge(t, k, at);
                 let mut barycentric = [0.0; 3];
                 barycentric[k] = 1.0 - at;
                 barycentric[next] = at;
@@ -1093,22 +1185,31 @@ impl Field {
 
     fn corner(
         &self,
-        v: u32,
+        t: usize,
+        k: usize,
         special: &HashMap<u32, SpecialVertex>,
         centroid: DVec2,
     ) -> (DVec2, NodeSide) {
+        let triangle = self.mesh.triangles[t];
+        let v = triangle[k];
         let uv = self.mesh.vertices[v as usize];
-        (
-            uv,
-            special
-                .get(&v)
-                .map_or(NodeSide::Both, |s| s.side(uv, centroid)),
-        )
+        let Some(vertex) = special.get(&v) else {
+            return (uv, NodeSide::Both);
+        };
+        // On a line that runs along an edge of the element, that edge tells the side.
+        let along = [k, (k + 2) % 3].into_iter().find(|&edge| {
+            self.role(triangle[edge], triangle[(edge + 1) % 3]) != EdgeRole::default()
+        });
+        let inside = match (vertex.line, along) {
+            (Some(_), Some(edge)) => uv + self.inward(t, edge),
+            _ => centroid,
+        };
+        (uv, vertex.side(uv, inside))
     }
 
     /// The point at `at` along edge `k` of an element, from corner k to k + 1; the
     /// same bits from both elements at the edge.
-    fn on_edge(&self, t: usize, k: usize, at: f64, centroid: DVec2) -> (DVec2, NodeSide) {
+    fn on_edge(&self, t: usize, k: usize, at: f64) -> (DVec2, NodeSide) {
         let triangle = self.mesh.triangles[t];
         let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
         // From the vertex with the smaller id.
@@ -1121,9 +1222,17 @@ impl Field {
         let side = if self.role(a, b) == EdgeRole::default() {
             NodeSide::Both
         } else {
-            NodeSide::of(q - p, uv, centroid)
+            NodeSide::of(q - p, uv, uv + self.inward(t, k))
         };
         (uv, side)
+    }
+
+    /// Across edge `k` of an element, into it: to the left, for corners turn
+    /// counter-clockwise. The centroid of a sliver may lie beyond the edge by rounding.
+    fn inward(&self, t: usize, k: usize) -> DVec2 {
+        let [a, b] =
+            [k, (k + 1) % 3].map(|i| self.mesh.vertices[self.mesh.triangles[t][i] as usize]);
+        (b - a).perp()
     }
 
     /// The id of the node at a position; a new one gets a sample.
@@ -1181,7 +1290,7 @@ impl Field {
         (0..self.mesh.triangles.len())
             .map(|t| {
                 let excess = self.excess(t, errors, allowed);
-                if excess <= 1.0 || self.is_at_resolution(t) {
+                if excess <= 1.0 || self.is_given_up(t, allowed) {
                     return 0;
                 }
                 // Two bisections halve the length and divide the error of a smooth
@@ -1216,8 +1325,109 @@ impl Field {
         excess
     }
 
-    /// Bisects elements as often as `levels` say, or until it is stopped.
-    pub(crate) fn refine(&mut self, mut levels: Vec<u8>, stop: Stop<'_>) {
+    /// The error along an edge of an element, of the band in which it is largest.
+    fn edge_error(&self, t: usize, edge: usize, checks: &[([f64; 3], u32)]) -> EdgeError {
+        let (next, opposite) = ((edge + 1) % 3, (edge + 2) % 3);
+        let degree = f64::from(self.degree);
+        let nodes = lattice(self.degree)
+            .iter()
+            .zip(self.element_nodes[t])
+            .filter(|(node, _)| node[opposite] == 0)
+            .map(|(node, id)| (f64::from(node[next]) / degree, id));
+        let places = checks.iter().filter(|(at, _)| at[opposite] == 0.0);
+        let mut places: SmallVec<[(f64, u32); 8]> = nodes
+            .chain(places.map(|&(at, id)| (at[next], id)))
+            .collect();
+        places.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut worst = EdgeError::default();
+        for band in 0..self.n_bands {
+            let value = |id: u32| self.direct[id as usize * self.n_bands + band];
+            let errors = checks.iter().filter(|(at, _)| at[opposite] == 0.0);
+            let error = errors
+                .map(|&(at, id)| (self.value(&self.direct, t, at, band) - value(id)).abs())
+                .fold(0.0, f64::max);
+            if error > worst.error {
+                let values: SmallVec<[(f64, f64); 8]> =
+                    places.iter().map(|&(s, id)| (s, value(id))).collect();
+                worst = EdgeError {
+                    error,
+                    band,
+                    layer: end_of_variation(&values),
+                };
+            }
+        }
+        worst
+    }
+
+    /// Where to split an element whose light falls in a layer thinner than itself: across
+    /// the edge along which interpolation errs most.
+    ///
+    /// Nothing is gained by splitting the longest edge if interpolation along it is as
+    /// good as it should be. And if light changes at one end of an edge only, halves of it
+    /// are no better: every bisection finds the layer in the half that is left, and all
+    /// elements at that end with it.
+    ///
+    /// At singular points the error along an edge tells of the direction of approach, and
+    /// elements that are narrower still are no better: they have to become shorter.
+    fn split_of_layer(&self, t: usize, allowed: &[f64]) -> Option<Split> {
+        if !self.knows_all_curves || self.element_nodes[t][0] == u32::MAX {
+            return None;
+        }
+        let corners = self.mesh.corners(t as u32);
+        let lengths: [f64; 3] = std::array::from_fn(|k| corners[k].distance(corners[(k + 1) % 3]));
+        let split = |edge: usize, at: f64| {
+            // No part is shorter than half of the shortest edge that is split.
+            let least = (0.5 * SHORTEST * self.size / lengths[edge]).min(0.5);
+            Split {
+                triangle: t as u32,
+                edge,
+                at: at.clamp(least, 1.0 - least),
+            }
+        };
+        let longest = largest(lengths);
+        if self.is_singular[t] {
+            let height = 2.0 * self.mesh.area(t as u32) / lengths[longest];
+            return (lengths[longest] > ELONGATED * height).then_some(split(longest, 0.5));
+        }
+        let edges = self.edges[t];
+        let worst = largest(edges.map(|e| e.excess(allowed)));
+        let aim = self.safety(t, allowed);
+        if edges[worst].excess(allowed) <= aim {
+            return None;
+        }
+        if let Some(at) = edges[worst].layer {
+            return Some(split(worst, at));
+        }
+        let is_across = worst != longest && edges[longest].excess(allowed) <= aim;
+        is_across.then_some(split(worst, 0.5))
+    }
+
+    /// Bisects elements as often as `levels` say, or until it is stopped; those in layers
+    /// once, across the layer.
+    pub(crate) fn refine(&mut self, mut levels: Vec<u8>, allowed: &[f64], stop: Stop<'_>) {
+        let splits: Vec<Split> = (0..levels.len())
+            .filter(|&t| levels[t] > 0)
+            .filter_map(|t| self.split_of_layer(t, allowed))
+            .collect();
+        if !splits.is_empty() {
+            // What they become is evaluated before it is split again.
+            for split in &splits {
+                levels[split.triangle as usize] = 0;
+            }
+            let before = self.mesh.triangles.clone();
+            let parents = self.mesh.split(&splits);
+            let origins: Vec<Origins> =
+                parents.iter().map(|&p| Origins::from_slice(&[p])).collect();
+            self.inherit(&before, &origins);
+            levels = parents
+                .iter()
+                .enumerate()
+                .map(|(t, &parent)| {
+                    let is_same = before.get(t) == Some(&self.mesh.triangles[t]);
+                    if is_same { levels[parent as usize] } else { 0 }
+                })
+                .collect();
+        }
         while levels.iter().any(|&l| l > 0) && !stop.is_wanted() {
             let marked: Vec<u32> = (0..levels.len())
                 .filter(|&t| levels[t] > 0)
@@ -1266,6 +1476,7 @@ impl Field {
         let n = self.mesh.triangles.len();
         self.element_nodes.resize(n, [u32::MAX; MOST_NODES]);
         self.errors.resize(n * self.n_bands, 0.0);
+        self.edges.resize(n, [EdgeError::default(); 3]);
         self.is_singular.resize(n, false);
         self.is_verified.resize(n, false);
         let changed: Vec<usize> = (0..n)
@@ -1377,7 +1588,7 @@ impl Field {
             }
             element_errors.push(error);
             n_above += usize::from(is_above);
-            if is_above && self.is_at_resolution(t) {
+            if is_above && self.is_at_resolution(t, allowed) {
                 unresolved.push(t as u32);
             }
         }
@@ -1402,12 +1613,52 @@ impl Field {
     }
 }
 
+/// The index of the largest of three.
+fn largest(of: [f64; 3]) -> usize {
+    (1..3).fold(0, |a, b| if of[b] > of[a] { b } else { a })
+}
+
+/// The place before which this share of a function's variation lies, from its values at
+/// places in ascending order; it is taken to be linear in between.
+fn place_of_variation(values: &[(f64, f64)], share: f64) -> f64 {
+    let change = |w: &[(f64, f64)]| (w[1].1 - w[0].1).abs();
+    let wanted = share * values.windows(2).map(change).sum::<f64>();
+    let mut sum = 0.0;
+    for w in values.windows(2) {
+        let change = change(w);
+        if change > 0.0 && sum + change >= wanted {
+            return w[0].0 + (w[1].0 - w[0].0) * (wanted - sum) / change;
+        }
+        sum += change;
+    }
+    0.5
+}
+
+/// Where half of the variation along an edge lies, if it lies at one end of it.
+fn end_of_variation(values: &[(f64, f64)]) -> Option<f64> {
+    let is_at_start = place_of_variation(values, AT_END) <= ONE_END;
+    let is_at_end = place_of_variation(values, 1.0 - AT_END) >= 1.0 - ONE_END;
+    (is_at_start || is_at_end).then(|| place_of_variation(values, 0.5))
+}
+
 /// Barycentric coordinates of a point; not finite if the triangle has no area.
 fn barycentric([a, b, c]: [DVec2; 3], p: DVec2) -> [f64; 3] {
     let area = (b - a).perp_dot(c - a);
     let v = (p - a).perp_dot(c - a) / area;
     let w = (b - a).perp_dot(p - a) / area;
     [1.0 - v - w, v, w]
+}
+
+/// The distance of a point from a segment.
+fn distance(a: DVec2, b: DVec2, p: DVec2) -> f64 {
+    let along = b - a;
+    let share = along.dot(p - a) / along.length_squared();
+    let share = if share.is_nan() {
+        0.0
+    } else {
+        share.clamp(0.0, 1.0)
+    };
+    p.distance(a + along * share)
 }
 
 /// Which of `candidates` run through an element.

@@ -92,7 +92,7 @@ impl DirectMeshes {
         for field in &mut self.fields {
             field.verify(light, &allowed, stop);
         }
-        let before = self.measure(&scale);
+        let before = self.measure(&scale, &allowed);
         let outcomes: Vec<Outcome> = self
             .fields
             .par_iter_mut()
@@ -111,7 +111,7 @@ impl DirectMeshes {
             })
             .collect();
         self.gather_peak(light);
-        let after = self.measure(&scale);
+        let after = self.measure(&scale, &allowed);
         let count = |wanted: Outcome| outcomes.iter().filter(|&&o| o == wanted).count();
         let (n_improved, n_taken_back) = (count(Outcome::Improved), count(Outcome::TakenBack));
         let reason = if n_improved > 0 {
@@ -138,10 +138,10 @@ impl DirectMeshes {
         }
     }
 
-    fn measure(&self, scale: &[f64]) -> Measure {
+    fn measure(&self, scale: &[f64], allowed: &[f64]) -> Measure {
         self.fields
             .iter()
-            .map(|f| f.measure(scale))
+            .map(|f| f.measure(scale, allowed))
             .fold(Measure::default(), Measure::and)
     }
 }
@@ -182,7 +182,7 @@ impl Try<'_> {
                 let levels: Vec<u8> = (0..f.mesh.triangles.len())
                     .map(|t| {
                         let is_large = f.relative_error(t, self.scale) > LARGE_ERROR * self.largest;
-                        u8::from(is_large && !f.is_at_resolution(t))
+                        u8::from(is_large && !f.is_at_resolution(t, self.allowed))
                     })
                     .collect();
                 let marked: Vec<u32> = (0..levels.len() as u32)
@@ -202,7 +202,7 @@ impl Try<'_> {
     /// Moves nodes, and those back around which the error rose: it is known only then.
     fn relocate(&self, field: &mut Field, damping: f64) -> bool {
         let (places, squares) = (field.mesh.vertices.clone(), field.squares(self.scale));
-        if field.relocate(damping, self.scale) == 0 {
+        if field.relocate(damping, self.scale, self.allowed) == 0 {
             return false;
         }
         if field.evaluate_anew(self.light, self.allowed, self.stop) {
@@ -213,7 +213,7 @@ impl Try<'_> {
 
     /// Changes a field, and takes that back if it is no better.
     fn attempt(&self, field: &mut Field, change: impl FnOnce(&mut Field) -> bool) -> Outcome {
-        let measured = field.measure(self.scale);
+        let measured = field.measure(self.scale, self.allowed);
         let before = field.before();
         if !change(field) {
             return Outcome::Untouched;
@@ -222,7 +222,7 @@ impl Try<'_> {
             field.go_back(before);
             return Outcome::Stopped;
         }
-        let after = field.measure(self.scale);
+        let after = field.measure(self.scale, self.allowed);
         let is_better = after.square < WORTH * WORTH * measured.square
             && after.max <= measured.max.max(0.5 * self.largest);
         if is_better {

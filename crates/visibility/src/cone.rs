@@ -91,8 +91,16 @@ pub(crate) fn cone(
         tolerance,
     });
     let n = corners.len();
+    let edge = |i: usize| (corners[i], corners[if i + 1 == n { 0 } else { i + 1 }]);
+    // Only a polygon that the point touches can have edges that it touches.
+    let approach = approach.filter(|approach| {
+        (0..n).any(|i| {
+            let (a, b) = edge(i);
+            distance_to_segment_sq(a - point, b - a) <= approach.radius * approach.radius
+        })
+    });
     for i in 0..n {
-        let (a, b) = (corners[i], corners[if i + 1 == n { 0 } else { i + 1 }]);
+        let (a, b) = edge(i);
         let plane = edge_plane(a, b, point, approach) * sign;
         out.push(HalfSpace {
             normal: plane,
@@ -112,13 +120,18 @@ fn l1(v: DVec3) -> f64 {
 ///
 /// Computed from the edge's ends in a fixed order, so that the two faces at an edge
 /// find the same plane bit for bit and no light comes through between them.
+///
+/// * `approach` — only if the polygon of the edge touches the point.
 fn edge_plane(a: DVec3, b: DVec3, point: DVec3, approach: Option<&Approach>) -> DVec3 {
     if (a.x, a.y, a.z) > (b.x, b.y, b.z) {
         return -edge_plane(b, a, point, approach);
     }
     let (qa, e) = (a - point, b - a);
+    // The line counts, and not the edge: a convex piece may have several edges on one
+    // line (below two windows with sills of one height), and that through a point of the
+    // line and an edge elsewhere on it is no plane, but rounding.
     if let Some(approach) = approach
-        && distance_to_segment_sq(qa, e) <= approach.radius * approach.radius
+        && qa.cross(e).length_squared() <= approach.radius * approach.radius * e.length_squared()
     {
         // Derivative of (a − εd) × (b − εd) with respect to ε.
         return e.cross(approach.toward);

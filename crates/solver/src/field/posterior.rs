@@ -65,9 +65,9 @@ impl Field {
         relative.map(|(e, s)| e / s).fold(0.0, f64::max)
     }
 
-    pub(crate) fn measure(&self, scale: &[f64]) -> Measure {
+    pub(crate) fn measure(&self, scale: &[f64], allowed: &[f64]) -> Measure {
         (0..self.mesh.triangles.len())
-            .filter(|&t| !self.is_at_resolution(t))
+            .filter(|&t| !self.is_at_resolution(t, allowed))
             .map(|t| {
                 let (e, area) = (self.relative_error(t, scale), self.mesh.area(t as u32));
                 Measure {
@@ -129,7 +129,7 @@ impl Field {
     ///
     /// r-refinement: Cohen & Wallace 1993, section 6.3.4. The weights are normalised by
     /// their own sum, so that a translation of the mesh translates the result.
-    pub(crate) fn relocate(&mut self, damping: f64, scale: &[f64]) -> usize {
+    pub(crate) fn relocate(&mut self, damping: f64, scale: &[f64], allowed: &[f64]) -> usize {
         let n = self.mesh.triangles.len();
         let errors: Vec<f64> = (0..n).map(|t| self.relative_error(t, scale)).collect();
         let largest = errors.iter().copied().fold(0.0, f64::max);
@@ -140,7 +140,7 @@ impl Field {
         let mut is_moved = vec![false; self.mesh.vertices.len()];
         for v in 0..self.mesh.vertices.len() {
             let star = &around[v];
-            let freedom = self.freedom(v as u32, star);
+            let freedom = self.freedom(v as u32, star, allowed);
             if freedom == Freedom::Fixed || star.is_empty() {
                 continue;
             }
@@ -256,10 +256,10 @@ impl Field {
         around
     }
 
-    fn freedom(&self, v: u32, star: &[u32]) -> Freedom {
+    fn freedom(&self, v: u32, star: &[u32], allowed: &[f64]) -> Freedom {
         if star
             .iter()
-            .any(|&t| self.is_singular[t as usize] || self.is_at_resolution(t as usize))
+            .any(|&t| self.is_singular[t as usize] || self.is_at_resolution(t as usize, allowed))
         {
             return Freedom::Fixed;
         }
