@@ -88,7 +88,7 @@ pub enum CellSize {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellOptions {
     /// The generator; not [`Mesher::Discontinuity`], which has
-    /// [`Options`](crate::Options).
+    /// [`Options`].
     pub mesher: Mesher,
     /// Triangles, quadrilaterals, or both. [`Mesher::TriQuadtree`] of quadrilaterals has
     /// triangles too, where sizes change.
