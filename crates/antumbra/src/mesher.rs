@@ -119,7 +119,7 @@ impl Default for CellOptions {
             degree: None,
             size: CellSize::Tolerance(Tolerance::Relative(1e-3)),
             estimator: Estimator::Measured,
-            least_size: 1.0 / 4096.0,
+            least_size: 1.0 / 1024.0,
             most_elements: 1_000_000,
             grading: 0.125,
         }
