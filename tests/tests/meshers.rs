@@ -600,3 +600,17 @@ fn interreflection_on_cells_is_that_of_the_solution() {
         }
     }
 }
+
+#[test]
+fn uniform_meshes_are_given_up_where_no_size_helps() {
+    let scene = build(&fixture("contact/box-on-floor"));
+    let options = CellOptions {
+        mesher: Mesher::Uniform,
+        degree: Some(1),
+        size: CellSize::Tolerance(Tolerance::Relative(1e-2)),
+        ..CellOptions::default()
+    };
+    let solution = meshed(&scene, &options);
+    assert_eq!(solution.ended, CellEnded::Stalled);
+    assert!(solution.n_elements() < 100_000);
+}

@@ -94,7 +94,7 @@ pub enum CellSize {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellOptions {
     /// The generator; not [`Mesher::Discontinuity`], which has
-    /// [`Options`](crate::Options).
+    /// [`Options`].
     pub mesher: Mesher,
     /// Triangles, quadrilaterals, or both. [`Mesher::TriQuadtree`] of quadrilaterals has
     /// triangles too, where sizes change.
@@ -125,7 +125,7 @@ impl Default for CellOptions {
             degree: None,
             size: CellSize::Tolerance(Tolerance::Relative(1e-3)),
             estimator: Estimator::Measured,
-            least_size: 1.0 / 4096.0,
+            least_size: 1.0 / 1024.0,
             most_elements: 1_000_000,
             grading: 0.125,
         }

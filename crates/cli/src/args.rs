@@ -160,6 +160,10 @@ pub(crate) struct Meshing {
     /// About so many elements on surfaces that light reaches, instead of a tolerance.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000_000), conflicts_with = "tolerance_abs", help_heading = "Other mesh generators")]
     pub(crate) elements: Option<u64>,
+    /// Elements are not made smaller than this fraction of their surface's diagonal
+    /// (default 1/1024).
+    #[arg(long, value_name = "REL", value_parser = positive, help_heading = "Other mesh generators")]
+    pub(crate) least_size: Option<f64>,
     #[command(flatten)]
     pub(crate) limits: Limits,
 }
@@ -210,6 +214,7 @@ impl Meshing {
                 ("--estimator", self.estimator.is_some()),
                 ("--element-size", self.element_size.is_some()),
                 ("--elements", self.elements.is_some()),
+                ("--least-size", self.least_size.is_some()),
             ];
             return match given.into_iter().find(|g| g.1) {
                 Some((option, _)) => Err(Failure::usage(format!(
@@ -241,6 +246,7 @@ impl Meshing {
             degree: self.degree.0,
             size,
             estimator: self.estimator.unwrap_or(default.estimator),
+            least_size: self.least_size.unwrap_or(default.least_size),
             ..default
         }))
     }

@@ -112,6 +112,7 @@ fn ended(ended: CellEnded) -> &'static str {
         CellEnded::ToleranceReached => "tolerance reached",
         CellEnded::EstimateReached => "estimate within the tolerance, measured error above it",
         CellEnded::LeastSizeReached => "elements of the least size are above the tolerance",
+        CellEnded::Stalled => "smaller elements do not lower the error any more",
         CellEnded::TooManyElements => "limit on elements reached",
         CellEnded::AsAsked => "as many elements as asked for",
         CellEnded::Stopped => "stopped",

@@ -488,3 +488,85 @@ fn picture_that_cannot_be_is_said_to_be_so() {
         ]
     );
 }
+
+/// The surface of [`square`] as one quadrilateral with the same nodes.
+fn as_quadrilateral(mut surface: SurfaceMesh) -> SurfaceMesh {
+    let p = usize::from(surface.degree);
+    let mut lattice = vec![[0, 0], [p, 0], [p, p], [0, p]];
+    // Edges 0–1, 1–2, 3–2 and 0–3, then inside row by row.
+    lattice.extend((1..p).map(|i| [i, 0]));
+    lattice.extend((1..p).map(|i| [p, i]));
+    lattice.extend((1..p).map(|i| [i, p]));
+    lattice.extend((1..p).map(|i| [0, i]));
+    lattice.extend((1..p).flat_map(|j| (1..p).map(move |i| [i, j])));
+    let node = |[i, j]: [usize; 2]| (j * (p + 1) + i) as u32;
+    surface.quads = lattice.into_iter().map(node).collect();
+    surface.elements = Vec::new();
+    surface.element_errors = vec![1e-4];
+    surface
+}
+
+#[test]
+fn a_quadrilateral_shows_the_polynomial_that_two_triangles_show() {
+    for degree in 2..=4 {
+        let pictures = [false, true].map(|is_quad| {
+            let mut surface = square("floor", 0.0, degree, 1);
+            if is_quad {
+                surface = as_quadrilateral(surface);
+            }
+            let scene = MeshedScene {
+                n_bands: 1,
+                surfaces: vec![surface],
+                ..MeshedScene::default()
+            };
+            let options = PictureOptions {
+                width: 120,
+                height: 100,
+                view: View::Surface("floor".to_owned()),
+                ..PictureOptions::default()
+            };
+            render(&scene, &options).rgb
+        });
+        let differences = pictures[0].iter().zip(&pictures[1]);
+        let worst = differences.map(|(a, b)| a.abs_diff(*b)).max();
+        assert!(worst <= Some(2), "degree {degree}: {worst:?}");
+    }
+}
+
+#[test]
+fn quadrilaterals_are_in_every_format() {
+    for degree in 1..=4 {
+        let surface = as_quadrilateral(square("floor", 0.0, degree, 1));
+        let scene = MeshedScene {
+            n_bands: 1,
+            surfaces: vec![surface],
+            ..MeshedScene::default()
+        };
+        let mut obj = Vec::new();
+        write::obj::write(&scene, &mut obj).unwrap();
+        let n_faces = String::from_utf8(obj).unwrap().matches("\nf ").count();
+        assert_eq!(n_faces, 2 * usize::from(degree).pow(2));
+        let mut json = Vec::new();
+        write::json::write(&scene, &mut json).unwrap();
+        assert!(
+            String::from_utf8(json)
+                .unwrap()
+                .contains(r#""shape":"quadrilateral""#)
+        );
+        let mut ply = Vec::new();
+        write::ply::write(&scene, &mut ply).unwrap();
+        let header = format!("element face {n_faces}\n");
+        assert!(String::from_utf8_lossy(&ply).contains(&header));
+        let mut svg = Vec::new();
+        write::svg::write_all(&scene, &mut svg).unwrap();
+        // Four sides.
+        let svg = String::from_utf8(svg).unwrap();
+        let mesh = svg
+            .split("class=\"mesh\"")
+            .nth(1)
+            .unwrap()
+            .split("/>")
+            .next();
+        assert_eq!(mesh.unwrap().matches('M').count(), 4);
+    }
+}

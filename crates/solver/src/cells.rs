@@ -90,6 +90,9 @@ pub enum CellEnded {
     EstimateReached,
     /// Elements reached the least size first.
     LeastSizeReached,
+    /// Halving the size of whole receivers did not lower their error any more, as where
+    /// something stands on them: there is no size for the tolerance.
+    Stalled,
     /// The limit on elements was reached first.
     TooManyElements,
     /// No tolerance was asked for.
@@ -142,7 +145,17 @@ pub(crate) struct Field {
     progress: Progress,
     peak: Vec<f64>,
     size: f64,
+    /// The largest error relative to what is allowed, before the last refinement.
+    before: f64,
+    /// Refinements in a row that have not lowered it.
+    n_stalled: u8,
 }
+
+/// Receivers that are refined as a whole are given up after so many halvings of their size
+/// that have not brought the largest error below this share of what it was. Kinks of slope
+/// gain 0.5 by one; at a jump of the value there is nothing to be gained.
+const MOST_STALLED: u8 = 3;
+const PROGRESS: f64 = 0.8;
 
 /// A mesh with all its values.
 #[derive(Clone, Debug)]
@@ -183,7 +196,22 @@ impl Field {
             progress: Progress::Unfinished,
             peak: vec![0.0; n_bands],
             size,
+            before: f64::INFINITY,
+            n_stalled: 0,
         }
+    }
+
+    /// Notes whether the last refinement has lowered the error.
+    fn note_progress(&mut self, allowed: &[f64]) {
+        let worst = (0..self.n_elements())
+            .map(|c| self.excess(c, allowed))
+            .fold(0.0, f64::max);
+        self.n_stalled = if worst > PROGRESS * self.before {
+            self.n_stalled + 1
+        } else {
+            0
+        };
+        self.before = worst;
     }
 
     fn n_elements(&self) -> usize {
@@ -357,6 +385,14 @@ impl CellMeshes {
             if limits.stop.is_wanted() || !self.estimate(points, light, limits.stop) {
                 return CellEnded::Stopped;
             }
+            if self.options.refinement == CellRefinement::Whole
+                && goal_is_tolerance(goal)
+                && points != Some(Points::NestedAndOthers)
+            {
+                let allowed = self.allowed();
+                let fields = self.fields.par_iter_mut();
+                fields.for_each(|field| field.note_progress(&allowed));
+            }
             let n_elements = self.n_elements();
             let marked = match goal {
                 CellGoal::AsGiven => Vec::new(),
@@ -434,6 +470,10 @@ impl CellMeshes {
             for field in &self.fields {
                 for c in 0..field.n_elements() {
                     if field.excess(c, &allowed) > 1.0 {
+                        if field.n_stalled >= MOST_STALLED {
+                            self.ended = CellEnded::Stalled;
+                            return;
+                        }
                         if field.is_at_least_size(c, least) {
                             self.ended = CellEnded::LeastSizeReached;
                             return;
@@ -458,6 +498,9 @@ impl CellMeshes {
         self.fields
             .par_iter()
             .map(|field| {
+                if field.n_stalled >= MOST_STALLED {
+                    return Vec::new();
+                }
                 let out: Vec<u32> = (0..field.n_elements())
                     .filter(|&c| field.excess(c, &allowed) > 1.0)
                     .filter(|&c| !field.is_at_least_size(c, least))
