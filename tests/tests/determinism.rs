@@ -4,13 +4,14 @@ use antumbra::{Control, DirectSolution, Options, Tolerance};
 use antumbra_tests::cases::{build, fixture, fixtures, json_files};
 
 /// Folders of scene files that are valid, by their path below `fixtures`.
-const FOLDERS: [&str; 6] = [
+const FOLDERS: [&str; 7] = [
     "basic",
     "alignment",
     "contact",
     "penetration",
     "eee",
     "hard",
+    "regressions",
 ];
 
 /// For interreflection, which takes longer.

@@ -3,7 +3,7 @@
 pub(crate) mod posterior;
 
 use crate::basis::{MOST_NODES, lattice, n_nodes, values};
-use antumbra_geom::{Chart, Stop};
+use antumbra_geom::{Chart, Stop, coarse_order};
 use antumbra_mesh::{
     ArrangementOptions, Cut, Locator, Order, Origins, Split, TaggedCurve, TriMesh, arrange,
 };
@@ -1005,20 +1005,31 @@ impl Field {
         let is_too_short = |split: Split| {
             let corners = self.mesh.corners(t as u32);
             let length = corners[split.edge].distance(corners[(split.edge + 1) % 3]);
-            length <= SHORTEST * self.size
+            !exceeds(length, SHORTEST * self.size)
         };
         let resolution = if self.is_singular[t] {
             RESOLUTION
         } else {
             SHORTEST
         };
-        self.longest_edge(t) <= resolution * self.size
+        !exceeds(self.longest_edge(t), resolution * self.size)
             || self.is_sliver(t)
+            || self.is_flat(t)
             || self.split_of_layer(t, allowed).is_some_and(is_too_short)
             || (self.knows_all_curves
                 && !self.is_singular[t]
                 && self.is_thin(t)
                 && self.n_stalled(t) >= MOST_STALLED[0])
+    }
+
+    /// Is an element no higher than the shortest edge, however long it is?
+    ///
+    /// A gap below the contact radius counts as closed, and nodes on the contact have the
+    /// limit of a closed one; light that comes through it in truth falls within this
+    /// height. Splitting along the contact would go on over all its length.
+    fn is_flat(&self, t: usize) -> bool {
+        let height = 2.0 * self.mesh.area(t as u32) / self.longest_edge(t);
+        !exceeds(height, SHORTEST * self.size)
     }
 
     /// Vertices with one-sided values.
@@ -1387,7 +1398,7 @@ impl Field {
         let longest = largest(lengths);
         if self.is_singular[t] {
             let height = 2.0 * self.mesh.area(t as u32) / lengths[longest];
-            return (lengths[longest] > ELONGATED * height).then_some(split(longest, 0.5));
+            return exceeds(lengths[longest], ELONGATED * height).then_some(split(longest, 0.5));
         }
         let edges = self.edges[t];
         let worst = largest(edges.map(|e| e.excess(allowed)));
@@ -1614,7 +1625,15 @@ impl Field {
 }
 
 /// The index of the largest of three.
+/// Is a length larger than another by more than rounding? Lengths of dyadic scenes are often
+/// equal to what they are compared with.
+fn exceeds(a: f64, b: f64) -> bool {
+    coarse_order(a) > coarse_order(b)
+}
+
 fn largest(of: [f64; 3]) -> usize {
+    // Up to rounding, so that images of a mesh are split alike.
+    let of = of.map(coarse_order);
     (1..3).fold(0, |a, b| if of[b] > of[a] { b } else { a })
 }
 

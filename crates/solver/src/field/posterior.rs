@@ -233,7 +233,8 @@ impl Field {
             let to = at + step;
             let is_good = star.iter().all(|&t| {
                 let corners = moved(t, to);
-                area(corners) >= LEAST_AREA * area(moved(t, at))
+                area(corners) > 0.0
+                    && area(corners) >= LEAST_AREA * area(moved(t, at))
                     && shape_quality(corners) >= LEAST_SHAPE * worst
             });
             if is_good {
@@ -257,10 +258,10 @@ impl Field {
     }
 
     fn freedom(&self, v: u32, star: &[u32], allowed: &[f64]) -> Freedom {
-        if star
-            .iter()
-            .any(|&t| self.is_singular[t as usize] || self.is_at_resolution(t as usize, allowed))
-        {
+        if star.iter().any(|&t| {
+            let t = t as usize;
+            self.is_singular[t] || self.is_sliver(t) || self.is_at_resolution(t, allowed)
+        }) {
             return Freedom::Fixed;
         }
         let mut ends: Vec<u32> = star
