@@ -15,13 +15,17 @@ use std::fmt::Write as _;
 /// So that a mesh that never ends fails, and does not fill the memory.
 const MOST_ELEMENTS: usize = 100_000;
 
-/// All scenes, by name.
-fn names() -> Vec<String> {
-    json_files(&fixtures().join("hard"))
+/// All scenes of a folder, by name.
+fn names_in(folder: &str) -> Vec<String> {
+    json_files(&fixtures().join(folder))
         .iter()
         .filter_map(|path| path.file_stem())
         .map(|stem| stem.to_string_lossy().into_owned())
         .collect()
+}
+
+fn names() -> Vec<String> {
+    names_in("hard")
 }
 
 /// Random points a scene.
@@ -81,11 +85,11 @@ fn options(tolerance: f64) -> Options {
     }
 }
 
-fn within_tolerance(motion: &Motion) {
-    let wrong: Vec<String> = names()
+fn within_tolerance(folder: &str, motion: &Motion) {
+    let wrong: Vec<String> = names_in(folder)
         .par_iter()
         .flat_map(|name| {
-            let scene = motion.scene(&fixture(&format!("hard/{name}")));
+            let scene = motion.scene(&fixture(&format!("{folder}/{name}")));
             compare(name, &build(&scene), 1e-3, MOST_ELEMENTS, n_points()).wrong
         })
         .collect();
@@ -94,12 +98,19 @@ fn within_tolerance(motion: &Motion) {
 
 #[test]
 fn hard_scenes_are_within_the_tolerance() {
-    within_tolerance(&Motion::IDENTITY);
+    within_tolerance("hard", &Motion::IDENTITY);
 }
 
 #[test]
 fn turned_hard_scenes_are_within_the_tolerance() {
-    within_tolerance(&Motion::skew());
+    within_tolerance("hard", &Motion::skew());
+}
+
+/// What stands on, leans on or encloses other things: places that no light reaches.
+#[test]
+fn scenes_with_contacts_are_within_the_tolerance() {
+    within_tolerance("contact", &Motion::IDENTITY);
+    within_tolerance("contact", &Motion::skew());
 }
 
 /// Scenes in which one place is dark whatever the mesh does.
