@@ -139,6 +139,10 @@ pub(crate) fn halvings(
         }
         let direct = meshed.direct;
         let n = direct.n_elements();
+        // Where irradiance has no value, halving does not lower the error, and is taken back.
+        if found.last().is_some_and(|&(before, _)| n < 3 * before) {
+            break;
+        }
         found.push((n, reference.summarise(&reference.errors_of(&direct))));
         if n > MOST_HALVED {
             break;
