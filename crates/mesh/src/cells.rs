@@ -287,7 +287,7 @@ impl CellMesh {
     /// How good a cell's shape is, from 0 (degenerate) to 1.
     ///
     /// * A triangle: twice the ratio of inscribed to circumscribed radius
-    ///   ([`shape_quality`](crate::shape_quality)); 1 is equilateral.
+    ///   ([`shape_quality`]); 1 is equilateral.
     /// * A quadrilateral: the worst of its corners, each `2 u×v / (u² + v²)` for the edges
     ///   u and v that meet there; 1 is a square, and a rectangle of 1 to 2 has 0.8.
     ///
