@@ -440,7 +440,7 @@ fn direct(
             .after
             .into_iter()
             .flatten()
-            .map(|step| meshes.improve(step, driver, limits.stop))
+            .map(|step| meshes.improve(step, driver, options.most_elements, &limits))
             .collect(),
     };
     for (progress, curves) in meshes.progress().zip(&mut curves) {

@@ -314,6 +314,10 @@ impl Runner<'_> {
             "finer settings are out of its reach".clone_into(&mut self.series.ended);
             return Ok(false);
         };
+        if mesh.is_stopped() && !(control.should_stop)() {
+            "there is no room for finer meshes".clone_into(&mut self.series.ended);
+            return Ok(false);
+        }
         if (control.should_stop)() {
             "the study was stopped".clone_into(&mut self.series.ended);
             return Ok(false);
@@ -434,6 +438,21 @@ pub fn study(
         direct: &light,
         gatherer: solved.radiosity.gatherer(&evaluator, stop),
     });
+    if of_fine.gatherer.is_none() || of_coarse.gatherer.is_none() {
+        let stopped = (control.should_stop)();
+        return Ok(Study {
+            quantity: "irradiance with interreflection".into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            target: options.target,
+            advice: if stopped {
+                "The study was stopped before interreflection was solved: nothing was measured."
+                    .into()
+            } else {
+                "There is no room to solve for interreflection: nothing was measured.".into()
+            },
+            ..Study::default()
+        });
+    }
     let known = uncertainty(scene, [&of_fine, &of_coarse], solutions_notes(&solutions));
     let total = Total {
         evaluator: &evaluator,
@@ -566,7 +585,7 @@ fn study_of(
         quantity: if subject.total.is_some() {
             "irradiance with interreflection".into()
         } else {
-            "direct irradiance".into()
+            DIRECT.into()
         },
         unit: scene.quantity.irradiance_unit().into(),
         version: env!("CARGO_PKG_VERSION").into(),
@@ -643,6 +662,9 @@ fn study_of(
     (control.progress)(Phase::Study, 1.0);
     Ok(study)
 }
+
+/// What is studied by default.
+const DIRECT: &str = "direct irradiance";
 
 /// What exact values may be off by, relative to the peak (`docs/numerics.md`).
 const ROUNDING: f64 = 1e-13;
@@ -761,7 +783,7 @@ fn advice(study: &Study) -> String {
                 r.exact_evaluations as f64 / run.exact_evaluations.max(1) as f64
             ));
         }
-        None => words.push_str("; no other generator came that close in its time."),
+        None => words.push_str("; no other generator came that close in its time and with elements down to 1/1024 of their receivers."),
     }
     let ours = best.iter().find(|(s, _)| s.mesher == "discontinuity");
     if series.mesher != "discontinuity" {
@@ -780,8 +802,13 @@ fn advice(study: &Study) -> String {
         }
     }
     let alone = run.seconds.median / study.exact_seconds.max(1e-300);
+    let probe = if study.quantity == DIRECT {
+        "`probe --exact`"
+    } else {
+        "`probe --solve`"
+    };
     words.push_str(&format!(
-        " Who needs the values at fewer than {} points needs no mesh: `probe --exact` is faster.",
+        " Who needs the values at fewer than {} points needs no mesh: {probe} is faster.",
         round_to_two(alone)
     ));
     words

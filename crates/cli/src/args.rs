@@ -372,8 +372,8 @@ pub(crate) struct Study {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=10_000_000))]
     pub(crate) points: Option<u32>,
     /// How often short runs are repeated; the median counts.
-    #[arg(long, value_name = "N", default_value = "3")]
-    pub(crate) repeats: usize,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=100), default_value = "3")]
+    pub(crate) repeats: u8,
     #[command(flatten)]
     pub(crate) limits: Limits,
     /// A file to write; its extension says what: .html (a page that needs no network),

@@ -102,9 +102,21 @@ pub(crate) fn write_all(
     scene: &MeshedScene,
     look: &Picture,
 ) -> Result<(), Failure> {
+    each(outputs, formats, |path, format| {
+        write(path, format, scene, look)
+    })
+}
+
+/// Does for every output what writes it; the failures of some do not keep the others from
+/// being written.
+pub(crate) fn each(
+    outputs: &[PathBuf],
+    formats: Vec<Format>,
+    write: impl Fn(&Path, Format) -> Result<(), Failure>,
+) -> Result<(), Failure> {
     let (mut written, mut failures) = (Vec::new(), Vec::new());
     for (path, format) in outputs.iter().zip(formats) {
-        match write(path, format, scene, look) {
+        match write(path, format) {
             Ok(()) => written.push(path.display().to_string()),
             Err(failure) => failures.push(failure.to_string()),
         }

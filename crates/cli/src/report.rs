@@ -70,7 +70,7 @@ pub(crate) fn document(
         "elements": n_elements,
         "nodes": n_nodes,
         "t_vertices": 0,
-        "degree": options.chosen_degree(),
+        "degree": degree(meshes, options),
         "exact_evaluations": n_evaluations,
         "tolerance": tolerance,
         "tolerance_is_relative": is_relative,
@@ -175,6 +175,12 @@ pub(crate) fn interreflection(
         })
         .collect();
     object.insert("row_sums".into(), json!(sums));
+}
+
+/// The highest degree of any receiver: steps after meshing raise it on some.
+fn degree(meshes: &DirectSolution, options: &antumbra::Options) -> u8 {
+    let degrees = meshes.receivers.iter().map(|r| r.degree);
+    degrees.max().unwrap_or(options.chosen_degree())
 }
 
 /// An error that was measured, unless there was nothing to measure it on.
@@ -333,6 +339,19 @@ pub(crate) fn summary(report: &Value, result: &Outcome<'_>) -> String {
         report["exact_evaluations"],
         report["seconds"]["total"].as_f64().unwrap_or(0.0),
     );
+    for step in result.improvements {
+        text.push_str(&match step.reason {
+            Some(reason) => format!("\n{}: nothing changed, {reason}", step.step.key()),
+            None => format!(
+                "\n{}: better on {} surfaces, taken back on {}; rms {:.2e} to {:.2e}",
+                step.step.key(),
+                step.n_improved,
+                step.n_taken_back,
+                step.rms_error[0],
+                step.rms_error[1]
+            ),
+        });
+    }
     let unresolved = report["unresolved_elements"].as_u64().unwrap_or(0);
     if unresolved > 0 {
         text.push_str(&format!(
@@ -390,7 +409,10 @@ pub(crate) fn interreflection_summary(report: &Value, radiosity: &RadiositySolut
         report["power"]["absorbed"],
         report["power"]["escaped"],
         radiosity.power.imbalance,
-        if radiosity.measured_indirect_error > report["tolerance"].as_f64().unwrap_or(0.0) {
+        if report["tolerance"]
+            .as_f64()
+            .is_some_and(|t| radiosity.measured_indirect_error > t)
+        {
             "\nindirect light is above the tolerance where it bends sharply; that tolerance is \
                  promised for direct light only"
         } else {

@@ -27,16 +27,16 @@ pub(crate) fn run(args: &Arguments) -> Result<Ending, Failure> {
     let loaded = input::load(common)?;
     let watch = Watch::new(common);
     let options = StudyOptions {
-        degrees: args.degrees.clone(),
-        meshers: args.meshers.clone(),
-        tolerances: tolerances(args.finest),
+        degrees: once(&args.degrees),
+        meshers: once(&args.meshers),
+        tolerances: tolerances(args.finest.min(args.tolerance)),
         target: args.tolerance,
         n_points: args
             .points
             .unwrap_or(if args.interreflection { 1_000 } else { 10_000 }),
         map_pixels: if args.interreflection { 64 } else { 160 },
         interreflection: args.interreflection,
-        repeats: args.repeats,
+        repeats: usize::from(args.repeats),
         budget: PLANNED * args.limits.budget.unwrap_or(USUAL_BUDGET),
     };
     let started = Instant::now();
@@ -45,6 +45,11 @@ pub(crate) fn run(args: &Arguments) -> Result<Ending, Failure> {
         memory: &most_memory_since,
     };
     let found = watch.run(|control| antumbra::study(&loaded.scene, &options, &meter, control));
+    let ending = if watch.should_stop() {
+        watch.stopped().0
+    } else {
+        Ending::Done
+    };
     let mut study = found.map_err(|error| Failure::internal(error.to_string()))?;
     watch.finish();
     study.title = title(args);
@@ -53,9 +58,9 @@ pub(crate) fn run(args: &Arguments) -> Result<Ending, Failure> {
     for note in &loaded.notes {
         study.notes.push(note.clone());
     }
-    for (path, format) in args.output.iter().zip(formats) {
-        output::write_study(path, format, &study)?;
-    }
+    output::each(&args.output, formats, |path, format| {
+        output::write_study(path, format, &study)
+    })?;
     if common.json {
         let mut document = Vec::new();
         antumbra::io::study::write_json(&study, &mut document)
@@ -67,11 +72,7 @@ pub(crate) fn run(args: &Arguments) -> Result<Ending, Failure> {
             say!("wrote {}", path.display());
         }
     }
-    Ok(if watch.should_stop() {
-        watch.stopped().0
-    } else {
-        Ending::Done
-    })
+    Ok(ending)
 }
 
 /// 1e-1, 3e-2, 1e-2, … down to the finest.
@@ -85,6 +86,17 @@ fn tolerances(finest: f64) -> Vec<f64> {
     tolerances
 }
 
+/// The same without repetitions.
+fn once<T: Clone + PartialEq>(list: &[T]) -> Vec<T> {
+    let mut kept: Vec<T> = Vec::new();
+    for item in list {
+        if !kept.contains(item) {
+            kept.push(item.clone());
+        }
+    }
+    kept
+}
+
 fn title(args: &Arguments) -> String {
     let stem = args.common.scene.file_stem();
     stem.map_or_else(String::new, |s| s.to_string_lossy().into_owned())
@@ -92,7 +104,10 @@ fn title(args: &Arguments) -> String {
 
 /// The command as it was given, without the folder of the program.
 fn command() -> String {
-    let mut words: Vec<String> = std::env::args().collect();
+    let arguments = std::env::args_os();
+    let mut words: Vec<String> = arguments
+        .map(|a| a.to_string_lossy().into_owned())
+        .collect();
     if let Some(first) = words.first_mut() {
         "antumbra".clone_into(first);
     }
@@ -142,7 +157,10 @@ fn summary(study: &Study) -> String {
             ),
             None => {
                 let errors = series.runs.iter().map(|r| r.error.max);
-                format!("none, at best {:.1e}", errors.fold(f64::INFINITY, f64::min))
+                match errors.min_by(f64::total_cmp) {
+                    Some(best) => format!("none, at best {best:.1e}"),
+                    None => "not run".into(),
+                }
             }
         };
         text.push_str(&format!(

@@ -264,6 +264,11 @@ impl DirectMeshes {
         self.fields.iter().map(|f| f.progress)
     }
 
+    /// A step after refinement was stopped.
+    pub(crate) fn set_stopped(&mut self) {
+        self.ended = Ended::Stopped;
+    }
+
     /// Why refinement ended.
     #[must_use]
     pub fn ended(&self) -> Ended {

@@ -411,6 +411,7 @@ pub(crate) struct Snapshot {
     edges: Vec<[EdgeError; 3]>,
     is_singular: Vec<bool>,
     is_verified: Vec<bool>,
+    history: Vec<History>,
 }
 
 impl Field {
@@ -575,6 +576,7 @@ impl Field {
             edges: self.edges.clone(),
             is_singular: self.is_singular.clone(),
             is_verified: self.is_verified.clone(),
+            history: self.history.clone(),
         }
     }
 
@@ -588,6 +590,9 @@ impl Field {
         self.edges = before.edges;
         self.is_singular = before.is_singular;
         self.is_verified = before.is_verified;
+        self.history = before.history;
+        // Of the mesh that was given up; found anew before it is asked for.
+        self.beside.clear();
     }
 
     /// Was the error of all elements measured at the second points?
@@ -1624,13 +1629,13 @@ impl Field {
     }
 }
 
-/// The index of the largest of three.
 /// Is a length larger than another by more than rounding? Lengths of dyadic scenes are often
 /// equal to what they are compared with.
 fn exceeds(a: f64, b: f64) -> bool {
     coarse_order(a) > coarse_order(b)
 }
 
+/// The index of the largest of three.
 fn largest(of: [f64; 3]) -> usize {
     // Up to rounding, so that images of a mesh are split alike.
     let of = of.map(coarse_order);

@@ -6,6 +6,7 @@
 use crate::direct::DirectMeshes;
 use crate::field::posterior::Measure;
 use crate::field::{Field, Light};
+use crate::limits::Limits;
 use antumbra_geom::Stop;
 use rayon::prelude::*;
 
@@ -81,18 +82,53 @@ const WORTH: f64 = 0.99;
 /// Elements that err more than this share of the largest error are split.
 const LARGE_ERROR: f64 = 0.4;
 
+/// Memory that an element and what is kept to take a step back take, about.
+const BYTES_PER_ELEMENT: u64 = 1500;
+
+/// Meshes with fewer elements are changed without asking for room.
+const MANY: usize = 4096;
+
 /// So often nodes move.
 const SWEEPS: usize = 3;
 
 impl DirectMeshes {
-    /// Carries out a step on every receiver where it lowers the measured error.
-    pub fn improve(&mut self, step: AfterStep, light: &dyn Light, stop: Stop<'_>) -> Improvement {
+    /// Carries out a step on every receiver where it lowers the measured error; on none if
+    /// there would be too many elements, or no room for them.
+    pub fn improve(
+        &mut self,
+        step: AfterStep,
+        light: &dyn Light,
+        most_elements: usize,
+        limits: &Limits<'_>,
+    ) -> Improvement {
+        let stop = limits.stop;
         let (scale, allowed) = (self.scale(), self.allowed());
         // Errors before and after are measured at the same kinds of points.
         for field in &mut self.fields {
             field.verify(light, &allowed, stop);
         }
         let before = self.measure(&scale, &allowed);
+        let growth = match step {
+            AfterStep::Halve => 4,
+            AfterStep::Split | AfterStep::Elevate => 2,
+            AfterStep::Relocate => 1,
+        };
+        let wanted = growth * self.n_elements();
+        let more = (wanted as u64) * BYTES_PER_ELEMENT;
+        let is_too_much = match step {
+            AfterStep::Relocate => false,
+            _ => wanted > most_elements || (wanted > MANY && !(limits.has_room)(more)),
+        };
+        if is_too_much {
+            return Improvement {
+                step,
+                n_improved: 0,
+                n_taken_back: 0,
+                max_error: [before.max; 2],
+                rms_error: [before.rms(); 2],
+                reason: Some("there is no room for so many elements"),
+            };
+        }
         let outcomes: Vec<Outcome> = self
             .fields
             .par_iter_mut()
@@ -112,6 +148,9 @@ impl DirectMeshes {
             .collect();
         self.gather_peak(light);
         let after = self.measure(&scale, &allowed);
+        if outcomes.contains(&Outcome::Stopped) {
+            self.set_stopped();
+        }
         let count = |wanted: Outcome| outcomes.iter().filter(|&&o| o == wanted).count();
         let (n_improved, n_taken_back) = (count(Outcome::Improved), count(Outcome::TakenBack));
         let reason = if n_improved > 0 {

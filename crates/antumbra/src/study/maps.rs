@@ -153,6 +153,9 @@ impl Canvas {
     /// Runs of all generators side by side: at the time, and at the number of elements, of
     /// the cheapest discontinuity mesh that is good enough, or else of the best mesh.
     pub(crate) fn groups(&self, study: &Study, maps: &[Vec<RunMap>]) -> Vec<MapGroup> {
+        if self.inside.is_empty() {
+            return Vec::new();
+        }
         let is_ours = |s: &&Series| s.mesher == Mesher::Discontinuity.key();
         let ours: Vec<&Run> = study
             .series

@@ -183,6 +183,9 @@ pub(crate) fn effectivities(
     let stop = Stop::new(control.should_stop);
     let mut rows = Vec::new();
     for (mesher, shape, degree) in ESTIMATED {
+        if (control.should_stop)() {
+            return Ok(rows);
+        }
         let options = CellOptions {
             shape,
             ..cells(mesher, degree, CellSize::Elements(ESTIMATED_ELEMENTS))

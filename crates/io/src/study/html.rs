@@ -43,7 +43,7 @@ fn head(study: &Study, page: &mut String) {
          mesh used, {penumbra} of them where some of the light is hidden. \
          The values there are off by at most {uncertainty:.0e}. \
          Seconds are those from the scene to the finished mesh, the median of the repeats. \
-         One exact evaluation takes {micro:.2} µs: whoever asks for fewer points than a mesh \
+         One evaluation takes {micro:.2} µs: whoever asks for fewer points than a mesh \
          evaluates needs no mesh.</p>\n",
         title = xml(&study.title),
         advice = marked(&study.advice),
@@ -104,8 +104,8 @@ fn plots(study: &Study, page: &mut String) -> Result<()> {
     let mut data = Vec::new();
     table::write_json(study, &mut data)?;
     let data = String::from_utf8(data).map_err(Error::other)?;
-    // Text of a script ends at the first "</".
-    let data = data.replace("</", "<\\/");
+    // Nothing in it may look like a tag or a comment.
+    let data = data.replace('<', "\\u003c");
     let colors: Vec<String> = study
         .series
         .iter()

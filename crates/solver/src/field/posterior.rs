@@ -162,7 +162,7 @@ impl Field {
             if let Freedom::Along(direction) = freedom {
                 step = direction * step.dot(direction);
             }
-            if let Some(place) = self.possible(v as u32, star, step) {
+            if let Some(place) = self.possible(v as u32, star, step, MOST_HALVINGS) {
                 self.mesh.vertices[v] = place;
                 is_moved[v] = true;
             }
@@ -200,7 +200,7 @@ impl Field {
         let mut is_back = vec![false; places.len()];
         for v in (0..places.len()).filter(|&v| is_worse[v]) {
             let step = places[v] - self.mesh.vertices[v];
-            if self.possible(v as u32, &around[v], step).is_some() {
+            if self.possible(v as u32, &around[v], step, 0).is_some() {
                 self.mesh.vertices[v] = places[v];
                 is_back[v] = true;
                 n_back += 1;
@@ -212,8 +212,9 @@ impl Field {
         n_back
     }
 
-    /// The place a step leads to, or a part of it; none if even that inverts or flattens.
-    fn possible(&self, v: u32, star: &[u32], mut step: DVec2) -> Option<DVec2> {
+    /// The place a step leads to, or a part of it after so many halvings; none if even that
+    /// inverts or flattens.
+    fn possible(&self, v: u32, star: &[u32], mut step: DVec2, most_halvings: u32) -> Option<DVec2> {
         let at = self.mesh.vertices[v as usize];
         let moved = |t: u32, to: DVec2| {
             self.mesh.triangles[t as usize].map(|c| {
@@ -229,7 +230,7 @@ impl Field {
             .iter()
             .map(|&t| shape_quality(moved(t, at)))
             .fold(1.0, f64::min);
-        for _ in 0..=MOST_HALVINGS {
+        for _ in 0..=most_halvings {
             let to = at + step;
             let is_good = star.iter().all(|&t| {
                 let corners = moved(t, to);
