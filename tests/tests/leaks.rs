@@ -400,3 +400,83 @@ fn welded_room_is_closed_and_no_corner_moves_farther_than_asked_for() {
     assert!(brightest(&ragged) > 1e-3, "light comes through its gaps");
     assert!(brightest(&welded) <= ROUNDING, "{:e}", brightest(&welded));
 }
+
+/// A closed room, every corner off by `amount` along each axis: no wall of it is plane.
+fn warped_room(amount: f64, seed: u64) -> SceneInput {
+    let mut scene = empty();
+    let (min, max) = (dvec3(-1.5, -1.0, 0.0), dvec3(1.5, 1.0, 2.5));
+    add_room(&mut scene, "room", "grey", min, max);
+    let mut random = SplitMix::new(seed);
+    let moves: Vec<DVec3> = (0..8)
+        .map(|_| random.in_box(-DVec3::ONE, DVec3::ONE).signum() * amount)
+        .collect();
+    for corner in scene.surfaces.iter_mut().flat_map(|s| &mut s.vertices) {
+        let is_high = |k: usize| usize::from(corner[k] > (min[k] + max[k]) / 2.0);
+        let id = is_high(0) + 2 * is_high(1) + 4 * is_high(2);
+        *corner += moves[id];
+    }
+    add_horizontal(
+        &mut scene,
+        "lamp below",
+        "lamp",
+        ([-9.0, 9.0], [-9.0, 9.0], -1.0),
+        Facing::Up,
+    );
+    add_horizontal(
+        &mut scene,
+        "lamp above",
+        "lamp",
+        ([-9.0, 9.0], [-9.0, 9.0], 4.0),
+        Facing::Down,
+    );
+    scene
+}
+
+/// The largest value at a node of the warped room, and its place.
+fn brightest_in_warped_room(amount: f64, seed: u64) -> (f64, DVec3) {
+    let scene = build(&warped_room(amount, seed));
+    let meshed =
+        antumbra::mesh(&scene, &limited(), &Control::default()).unwrap_or_else(|e| panic!("{e}"));
+    let mut worst = (0.0, DVec3::ZERO);
+    for mesh in &meshed.direct.receivers {
+        if !scene.surface_of(mesh.face).name.starts_with("room") {
+            continue;
+        }
+        for (uv, &e) in mesh.nodes.iter().zip(&mesh.direct) {
+            if e > worst.0 {
+                worst = (e, scene.frame.to_file(mesh.chart.to_space(*uv)));
+            }
+        }
+    }
+    worst
+}
+
+/// Curves a micrometre beside a border make elements whose corner looks along the border:
+/// what it approaches so flatly that it passes it by was no occluder.
+#[test]
+fn nodes_of_slivers_along_warped_walls_do_not_see_through_them() {
+    for amount in [1e-6, 1e-5, 1e-3] {
+        for seed in 0..6 {
+            let (e, p) = brightest_in_warped_room(amount, seed);
+            // What is left is below, in the test that is ignored.
+            assert!(e <= 1e-5, "warped by {amount:e}, seed {seed}: {e:e} at {p}");
+        }
+    }
+}
+
+/// What is left. At a node looked at (1e-7), a sliver within the contact radius of the
+/// border is approached from its inner edge, through the wall. The others (1e-4, and small
+/// values at 1e-8, 1e-6 and 1e-5) were not looked at.
+#[test]
+#[ignore = "known to be wrong: docs/numerics.md"]
+fn closed_rooms_with_warped_walls_are_dark() {
+    for amount in [1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3] {
+        for seed in 0..6 {
+            let (e, p) = brightest_in_warped_room(amount, seed);
+            assert!(
+                e <= ROUNDING,
+                "warped by {amount:e}, seed {seed}: {e:e} at {p}"
+            );
+        }
+    }
+}

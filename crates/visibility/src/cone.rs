@@ -46,10 +46,24 @@ impl Approach {
         }
         let sine = (normal - up * up.dot(normal)).length();
         let slope = normal.dot(self.toward);
-        (height.abs() <= (self.radius * sine).max(rounding) && slope.abs() > 1e-6 * sine)
+        // A plane that passes through the point to rounding has no real height to keep: a
+        // side of it, however flat the approach, is that of the approach.
+        let least = if height.abs() <= rounding {
+            FLATTEST
+        } else {
+            ALONG
+        };
+        (height.abs() <= (self.radius * sine).max(rounding) && slope.abs() > least * sine)
             .then_some(slope)
     }
 }
+
+/// An approach with a smaller slope runs along with a plane that it starts beside.
+const ALONG: f64 = 1e-6;
+
+/// An approach with a smaller slope runs along with a plane that it starts on: a third of
+/// a pixel of the arrangement, as seen across the receiver, is 1e-9.
+const FLATTEST: f64 = 1e-10;
 
 /// Rounding of one coordinate relative to the largest distance in play, with a
 /// margin for the handful of operations between input and decision.
@@ -133,8 +147,14 @@ fn edge_plane(a: DVec3, b: DVec3, point: DVec3, approach: Option<&Approach>) -> 
     if let Some(approach) = approach
         && qa.cross(e).length_squared() <= approach.radius * approach.radius * e.length_squared()
     {
-        // Derivative of (a − εd) × (b − εd) with respect to ε.
-        return e.cross(approach.toward);
+        // Derivative of (a − εd) × (b − εd) with respect to ε. It says nothing of a line
+        // along the approach that passes the point at a distance.
+        let derivative = e.cross(approach.toward);
+        let rounding = 8.0 * f64::EPSILON * (qa.abs().max_element() + point.abs().max_element());
+        let is_along = derivative.length_squared() <= ALONG * ALONG * e.length_squared();
+        if !is_along || qa.cross(e).length_squared() <= rounding * rounding * e.length_squared() {
+            return derivative;
+        }
     }
     let plane = qa.cross(e);
     // A point within 1e-4 of the edge's line, relative to its distance from the
