@@ -49,7 +49,9 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
                 let x = mesh.chart.to_space(*uv);
                 let x = open.frame.to_scene(scene.frame.to_file(x));
                 let most = light.at(face, x, &mut scratch)[0];
-                assert!(e <= most + 1e-9, "{e} of {most} on {name}\n{}", json());
+                // A node that touches something is moved onto it, by up to the contact
+                // radius (6e-8 here): its value is that of a place as far away.
+                assert!(e <= most + 1e-7, "{e} of {most} on {name}\n{}", json());
             }
         }
     }

@@ -77,9 +77,9 @@ pub(crate) fn run(args: &Arguments) -> Result<Ending, Failure> {
 
 /// 1e-1, 3e-2, 1e-2, … down to the finest.
 fn tolerances(finest: f64) -> Vec<f64> {
-    let steps = (1..).flat_map(|k| [10f64.powi(-k), 3.0 * 10f64.powi(-k - 1)]);
+    let steps = (1..).flat_map(|k| [format!("1e-{k}"), format!("3e-{}", k + 1)]);
     let mut tolerances: Vec<f64> = steps
-        .map(|t| format!("{t:e}").parse().unwrap_or(t))
+        .filter_map(|t| t.parse().ok())
         .take_while(|t| *t > 1.001 * finest)
         .collect();
     tolerances.push(finest);
