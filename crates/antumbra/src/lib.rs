@@ -64,4 +64,4 @@ pub use pipeline::{
     Solved, factors, mesh, plan, solve,
 };
 pub use plan::{Decision, Effect, Expected, Plan, Quantity};
-pub use study::{Meter, Sampled, StudyOptions, study};
+pub use study::{Meter, Sampled, StudyOptions, quality, study};

@@ -701,8 +701,11 @@ fn mark_front(study: &mut Study) {
     }
 }
 
-/// Shapes of all elements.
-fn quality(scene: &Scene, mesh: &dyn Sampled) -> Quality {
+/// Shapes of all elements of a mesh: ratios of inscribed to circumscribed radius (1 for an
+/// equilateral triangle and a square), the smallest angle in degrees, T-vertices, elements
+/// per area in the square of the file's length unit. Without elements all are 0.
+#[must_use]
+pub fn quality(scene: &Scene, mesh: &dyn Sampled) -> Quality {
     let mut ratios = Vec::new();
     let mut quality = Quality {
         smallest_angle: 180.0,
@@ -720,11 +723,16 @@ fn quality(scene: &Scene, mesh: &dyn Sampled) -> Quality {
         }
         quality.histogram[((10.0 * ratio) as usize).min(9)] += 1;
     });
+    if ratios.is_empty() {
+        quality.smallest_angle = 0.0;
+    }
     ratios.sort_by(f64::total_cmp);
     quality.min = ratios.first().copied().unwrap_or(0.0);
     quality.median = ratios.get(ratios.len() / 2).copied().unwrap_or(0.0);
     let area: f64 = scene.face_ids().map(|f| scene.face(f).area).sum();
-    quality.density = ratios.len() as f64 / scene.frame.area_to_file(area);
+    if area > 0.0 {
+        quality.density = ratios.len() as f64 / scene.frame.area_to_file(area);
+    }
     quality
 }
 

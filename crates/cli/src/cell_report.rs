@@ -85,6 +85,7 @@ pub(crate) fn document(
         "unresolved_elements": receivers.iter().map(|r| r.unresolved.len()).sum::<usize>(),
         "unresolved_area_fraction": unresolved_area(meshes),
         "worst_shape_quality": worst_quality(meshes),
+        "quality": antumbra::quality(scene, meshes),
         "peak_irradiance": bands(&meshes.peak),
         "per_surface": per_surface(scene, meshes),
         "seconds": seconds,

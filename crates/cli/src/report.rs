@@ -86,6 +86,7 @@ pub(crate) fn document(
             "inserted": counts(&result.events.inserted),
         },
         "effects": plan::effects(result.plan),
+        "quality": antumbra::quality(scene, meshes),
         "after": result.improvements.iter().map(improvement).collect::<Vec<_>>(),
         "per_surface": per_surface(scene, result),
         "seconds": seconds,
