@@ -336,6 +336,17 @@ fn nodes_below_sills_of_one_height_see_nothing_beyond_the_wall() {
     }
 }
 
+/// Lamps below and above a room, larger than it, that face it.
+fn add_lamps_outside(scene: &mut SceneInput) {
+    let sides = ([-9.0, 9.0], [-9.0, 9.0]);
+    for (name, height, facing) in [
+        ("lamp below", -1.0, Facing::Up),
+        ("lamp above", 4.0, Facing::Down),
+    ] {
+        add_horizontal(scene, name, "lamp", (sides.0, sides.1, height), facing);
+    }
+}
+
 /// A closed room whose walls miss its floor and ceiling by a hundredth of a millimetre.
 fn ragged_room() -> SceneInput {
     let mut scene = empty();
@@ -353,21 +364,7 @@ fn ragged_room() -> SceneInput {
     for corner in scene.surfaces[2..].iter_mut().flat_map(|s| &mut s.vertices) {
         *corner += random.in_box(-gap, gap);
     }
-    // All around it, facing it.
-    add_horizontal(
-        &mut scene,
-        "lamp below",
-        "lamp",
-        ([-9.0, 9.0], [-9.0, 9.0], -1.0),
-        Facing::Up,
-    );
-    add_horizontal(
-        &mut scene,
-        "lamp above",
-        "lamp",
-        ([-9.0, 9.0], [-9.0, 9.0], 4.0),
-        Facing::Down,
-    );
+    add_lamps_outside(&mut scene);
     scene
 }
 
@@ -415,20 +412,7 @@ fn warped_room(amount: f64, seed: u64) -> SceneInput {
         let id = is_high(0) + 2 * is_high(1) + 4 * is_high(2);
         *corner += moves[id];
     }
-    add_horizontal(
-        &mut scene,
-        "lamp below",
-        "lamp",
-        ([-9.0, 9.0], [-9.0, 9.0], -1.0),
-        Facing::Up,
-    );
-    add_horizontal(
-        &mut scene,
-        "lamp above",
-        "lamp",
-        ([-9.0, 9.0], [-9.0, 9.0], 4.0),
-        Facing::Down,
-    );
+    add_lamps_outside(&mut scene);
     scene
 }
 
