@@ -775,6 +775,7 @@ fn prepare(
     let n_border = curves.len();
     let border: Vec<Vec<DVec2>> = curves.iter().map(|c| c.points.clone()).collect();
     let mut orders = vec![Order::Boundary; n_border];
+    let mut contacts = Vec::new();
     let mut postponed = Vec::new();
     for (curve, is_line) in critical.iter().zip(scouted.choice.is_line) {
         let order = match curve.kind().discontinuity() {
@@ -791,6 +792,9 @@ fn prepare(
             .collect();
         let id = orders.len() as u32;
         orders.push(order);
+        if order == Order::D0 {
+            contacts.push(points.clone());
+        }
         if !is_line {
             postpone(curve, exitance, &points, id, &mut postponed);
             // Its place among the ids, without a line in the arrangement.
@@ -818,6 +822,7 @@ fn prepare(
         hot_spots: hot_spots(scene, face, &chart),
         face,
         chart,
+        contacts,
         border,
         mesh,
         orders,

@@ -7,6 +7,7 @@ pub mod cdt;
 mod chart;
 mod coarse;
 mod polygon;
+mod settle;
 mod stop;
 
 pub use chart::Chart;
@@ -15,4 +16,5 @@ pub use glam::{DVec2, DVec3, dvec2, dvec3};
 pub use polygon::{
     convex_pieces, newell_normal, point_in_polygon, polygon_area, segments_cross, signed_area,
 };
+pub use settle::{Plane, settled};
 pub use stop::Stop;

@@ -24,9 +24,8 @@ mod weld;
 mod tests;
 
 use crate::names::Namer;
-use antumbra_geom::{Chart, DVec3, newell_normal};
+use antumbra_geom::{Chart, DVec3, Plane, newell_normal};
 use antumbra_scene::{Aabb, SurfaceInput};
-use plane::Plane;
 
 /// The precision of a coordinate, relative to the largest of its part.
 ///

@@ -7,7 +7,7 @@ use glam::DVec2;
 
 /// Things (numbered from zero) in square cells.
 #[derive(Clone, Debug)]
-pub(crate) struct Grid {
+pub struct Grid {
     min: DVec2,
     cell: f64,
     size: [usize; 2],
@@ -79,7 +79,8 @@ impl Grid {
     }
 
     /// A grid of segments, each in all cells nearer than `margin`.
-    pub(crate) fn of_segments(segments: &[[DVec2; 2]], margin: f64) -> Self {
+    #[must_use]
+    pub fn of_segments(segments: &[[DVec2; 2]], margin: f64) -> Self {
         let corners = segments.iter().flatten().copied();
         Self::new(corners, segments.len(), |grid, i, visit| {
             grid.walk(segments[i][0], segments[i][1], margin, visit);
@@ -92,12 +93,14 @@ impl Grid {
     }
 
     /// What is in a cell, in ascending order.
-    pub(crate) fn items(&self, cell: usize) -> &[u32] {
+    #[must_use]
+    pub fn items(&self, cell: usize) -> &[u32] {
         &self.items[self.starts[cell] as usize..self.starts[cell + 1] as usize]
     }
 
     /// The cell of a point; of a point outside, the nearest cell at the border.
-    pub(crate) fn cell_of(&self, p: DVec2) -> usize {
+    #[must_use]
+    pub fn cell_of(&self, p: DVec2) -> usize {
         self.row(1, p.y) * self.size[0] + self.row(0, p.x)
     }
 

@@ -27,6 +27,7 @@ pub use arrange::{
 };
 pub use bisect::Split;
 pub use cut::{Cut, Origins};
+pub use grid::Grid;
 pub use locate::Locator;
 pub use sets::{CurveSets, SetId};
 pub use trimesh::{MeshError, TriMesh, shape_quality};

@@ -1,7 +1,7 @@
 //! From what a file says to a valid [`Scene`]: one pass, all problems.
 //!
 //! The order matters: an exact change of coordinates, welding, outlines (repeats,
-//! keyholes, holes, planarity), plane classes, edges, overlaps. Each tolerance is
+//! keyholes, holes, planarity), corners moved onto planes, plane classes, edges, overlaps. Each tolerance is
 //! consulted once, here; what it decides is an id afterwards.
 
 mod flat;
@@ -11,6 +11,7 @@ mod materials;
 mod outline;
 mod overlap;
 mod planes;
+mod settle;
 mod weld;
 
 use crate::bvh::{Aabb, BoxTree};
@@ -74,7 +75,8 @@ impl Scene {
             );
         }
 
-        let vertices = keep_used(&welded.vertices, &mut polygons);
+        let mut vertices = keep_used(&welded.vertices, &mut polygons);
+        settle::onto_planes(&mut vertices, &mut polygons, extent);
         let tolerance = extent * Self::PLANE_TOLERANCE;
         let (planes, class_of) = planes::classify(polygons.iter().flatten(), &vertices, tolerance);
         let material_ids = materials::ids(input);

@@ -1,6 +1,7 @@
 //! A receiver's mesh with exact values at its nodes, while it grows and when it is done.
 
 pub(crate) mod posterior;
+mod sides;
 
 use crate::basis::{MOST_NODES, lattice, n_nodes, values};
 use antumbra_geom::{Chart, Stop, coarse_order};
@@ -9,6 +10,7 @@ use antumbra_mesh::{
 };
 use antumbra_scene::FaceId;
 use glam::{DVec2, DVec3};
+use sides::{NodeSide, OneSided, singular_points};
 use smallvec::SmallVec;
 use std::collections::HashMap;
 
@@ -55,6 +57,8 @@ pub struct Receiver {
     pub face: FaceId,
     /// Its frame.
     pub chart: Chart,
+    /// What touches it: contacts as polylines, as they are before the mesh rounds them.
+    pub contacts: Vec<Vec<DVec2>>,
     /// Its border, loops that repeat their first point: the curves with the first ids,
     /// of which a mesh is made if the work is stopped before that of all curves has
     /// values.
@@ -334,6 +338,9 @@ pub(crate) struct Field {
     pub(crate) progress: Progress,
     contact_radius: f64,
     touched: Vec<DVec2>,
+    sides: OneSided,
+    /// Where irradiance has no single value, sorted by u.
+    singular: Vec<DVec2>,
     postponed: Vec<Postponed>,
     hot_spots: Vec<DVec2>,
     /// The postponed curves that run through each element.
@@ -348,8 +355,6 @@ pub(crate) struct Field {
     /// Direct irradiance, `n_bands` values per node.
     pub(crate) direct: Vec<f64>,
     ids: HashMap<NodeKey, u32>,
-    /// Roles of edges that run beside a border or contact.
-    beside: HashMap<[u32; 2], EdgeRole>,
     /// Nodes and errors (per band) of evaluated elements; `u32::MAX` in the first
     /// node marks an element not evaluated yet.
     pub(crate) element_nodes: Vec<[u32; MOST_NODES]>,
@@ -395,13 +400,6 @@ struct History {
     n_stalled: u8,
 }
 
-/// What a mesh edge means for the nodes on it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct EdgeRole {
-    is_border: bool,
-    is_contact: bool,
-}
-
 /// A field's mesh before a round of refinement.
 pub(crate) struct Snapshot {
     mesh: TriMesh,
@@ -436,10 +434,23 @@ impl Field {
                 crossing(&receiver.mesh, t, &receiver.postponed, &all)
             })
             .collect();
+        let sides = OneSided::new(
+            &receiver.border,
+            &receiver.contacts,
+            receiver.contact_radius,
+        );
+        let singular = singular_points(
+            &receiver.mesh,
+            &receiver.orders,
+            receiver.contact_radius,
+            &receiver.touched,
+        );
         Self {
             border: receiver.border,
             progress: Progress::Unfinished,
             touched: receiver.touched,
+            sides,
+            singular,
             postponed: receiver.postponed,
             hot_spots: receiver.hot_spots,
             crossing,
@@ -456,7 +467,6 @@ impl Field {
             toward: Vec::new(),
             direct: Vec::new(),
             ids: HashMap::new(),
-            beside: HashMap::new(),
             element_nodes: vec![[u32::MAX; MOST_NODES]; n_triangles],
             errors: vec![0.0; n_triangles * n_bands],
             edges: vec![[EdgeError::default(); 3]; n_triangles],
@@ -506,27 +516,10 @@ impl Field {
         }
     }
 
-    fn role(&self, a: u32, b: u32) -> EdgeRole {
-        let mut role = self
-            .beside
-            .get(&[a.min(b), a.max(b)])
-            .copied()
-            .unwrap_or_default();
-        if let Some(set) = self.mesh.edge_curves(a, b) {
-            for &id in self.mesh.sets().get(set) {
-                match self.orders[id as usize] {
-                    Order::Boundary => role.is_border = true,
-                    Order::D0 => role.is_contact = true,
-                    Order::D1 | Order::D2 => {}
-                }
-            }
-        }
-        role
-    }
-
     /// Makes a mesh of the border alone, without values: that of the curves is too much
     /// for the time that is left.
     pub(crate) fn fall_back(&mut self) {
+        self.sides = OneSided::new(&self.border, &[], self.contact_radius);
         let curves: Vec<TaggedCurve> = std::mem::take(&mut self.border)
             .into_iter()
             .map(|points| TaggedCurve {
@@ -552,6 +545,7 @@ impl Field {
 
     fn replace_mesh(&mut self, mesh: TriMesh) {
         let n_triangles = mesh.triangles.len();
+        self.singular = singular_points(&mesh, &self.orders, self.contact_radius, &self.touched);
         self.mesh = mesh;
         self.postponed = Vec::new();
         self.crossing = vec![Vec::new(); n_triangles];
@@ -592,7 +586,6 @@ impl Field {
         self.is_verified = before.is_verified;
         self.history = before.history;
         // Of the mesh that was given up; found anew before it is asked for.
-        self.beside.clear();
     }
 
     /// Was the error of all elements measured at the second points?
@@ -614,9 +607,6 @@ impl Field {
             return false;
         }
         let n_nodes_before = self.nodes.len();
-        self.find_edges_beside();
-        let special = self.special_vertices();
-        let singular = self.singular_points(&special);
         let mut samples: Vec<Sample> = Vec::new();
         // Check points on curves are shared by the elements at them, like nodes.
         let mut edge_checks: Vec<Vec<([f64; 3], u32)>> = Vec::with_capacity(new.len());
@@ -625,9 +615,9 @@ impl Field {
                 self.forget(&new, n_nodes_before);
                 return false;
             }
-            self.element_nodes[t] = self.nodes_for(t, &special, &mut samples);
+            self.element_nodes[t] = self.nodes_for(t, &mut samples);
             edge_checks.push(self.edge_checks_for(t, &mut samples));
-            self.is_singular[t] = self.touches(t, &singular);
+            self.is_singular[t] = self.touches(t);
         }
         let n_new_nodes = samples.len();
         let inner_points: &[[f64; 3]] = if self.knows_all_curves {
@@ -637,11 +627,7 @@ impl Field {
         };
         for &t in &new {
             for &at in inner_points {
-                let uv = self.point(t, at);
-                samples.push(Sample {
-                    point: self.chart.to_space(uv),
-                    toward: None,
-                });
+                samples.push(self.sample_at(t, at));
             }
         }
         let found = if self.is_dark {
@@ -755,10 +741,7 @@ impl Field {
             new.push(t);
             for at in self.second_points(t, allowed) {
                 places.push((t, at));
-                samples.push(Sample {
-                    point: self.chart.to_space(self.point(t, at)),
-                    toward: None,
-                });
+                samples.push(self.sample_at(t, at));
             }
         }
         if !samples.is_empty() {
@@ -945,38 +928,6 @@ impl Field {
             .sum()
     }
 
-    /// Finds the edges that run beside a border or contact within rounding, as the
-    /// far edges of slivers do: they are one-sided like what they run beside.
-    fn find_edges_beside(&mut self) {
-        self.beside.clear();
-        let slivers: Vec<usize> = (0..self.mesh.triangles.len())
-            .filter(|&t| self.is_sliver(t))
-            .collect();
-        loop {
-            let mut found = Vec::new();
-            for &t in &slivers {
-                let [a, b, c] = self.mesh.triangles[t];
-                let roles = [self.role(a, b), self.role(b, c), self.role(c, a)];
-                let union = EdgeRole {
-                    is_border: roles.iter().any(|r| r.is_border),
-                    is_contact: roles.iter().any(|r| r.is_contact),
-                };
-                if union == EdgeRole::default() {
-                    continue;
-                }
-                for ((p, q), role) in [(a, b), (b, c), (c, a)].into_iter().zip(roles) {
-                    if role != union {
-                        found.push(([p.min(q), p.max(q)], union));
-                    }
-                }
-            }
-            if found.is_empty() {
-                return;
-            }
-            self.beside.extend(found);
-        }
-    }
-
     /// Is the element thinner than what counts as touching?
     fn is_sliver(&self, t: usize) -> bool {
         2.0 * self.mesh.area(t as u32) <= self.contact_radius * self.longest_edge(t)
@@ -1037,82 +988,10 @@ impl Field {
         !exceeds(height, SHORTEST * self.size)
     }
 
-    /// Vertices with one-sided values.
-    fn special_vertices(&self) -> HashMap<u32, SpecialVertex> {
-        let mut ends: Vec<(u32, u32, EdgeRole)> = Vec::new();
-        for triangle in &self.mesh.triangles {
-            for k in 0..3 {
-                let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
-                let role = self.role(a, b);
-                if role != EdgeRole::default() {
-                    ends.push((a, b, role));
-                    ends.push((b, a, role));
-                }
-            }
-        }
-        ends.sort_unstable_by_key(|e| (e.0, e.1));
-        ends.dedup_by_key(|e| (e.0, e.1));
-        let mut special = HashMap::new();
-        for group in ends.chunk_by(|x, y| x.0 == y.0) {
-            let v = group[0].0;
-            let at = self.mesh.vertices[v as usize];
-            let has_contact = group.iter().any(|e| e.2.is_contact);
-            let line = self.line_through(at, group.iter().map(|e| e.1));
-            special.insert(
-                v,
-                SpecialVertex {
-                    has_contact,
-                    line,
-                    is_singular: has_contact && line.is_none(),
-                },
-            );
-        }
-        special
-    }
-
-    /// The direction of the line on which a vertex and the others lie, if they do and it
-    /// runs straight through the vertex.
-    ///
-    /// More than two are the ends of a line and of the far edges of slivers along it,
-    /// which are no bend.
-    fn line_through(&self, at: DVec2, others: impl Iterator<Item = u32>) -> Option<DVec2> {
-        let arms: SmallVec<[DVec2; 4]> = others
-            .map(|v| self.mesh.vertices[v as usize] - at)
-            .collect();
-        let slack = if arms.len() > 2 {
-            self.contact_radius
-        } else {
-            0.0
-        };
-        let longest = arms.iter().copied().reduce(|a, b| {
-            if b.length_squared() > a.length_squared() {
-                b
-            } else {
-                a
-            }
-        })?;
-        let along = longest.try_normalize()?;
-        let is_straight =
-            |arm: &DVec2| along.perp_dot(*arm).abs() <= (1e-6 * arm.length()).max(slack);
-        let runs_through = arms.iter().any(|arm| along.dot(*arm) < 0.0);
-        (runs_through && arms.iter().all(is_straight)).then_some(longest)
-    }
-
-    /// Where irradiance has no single value, sorted by u.
-    fn singular_points(&self, special: &HashMap<u32, SpecialVertex>) -> Vec<DVec2> {
-        let mut points: Vec<DVec2> = (0..self.mesh.vertices.len() as u32)
-            .filter(|v| special.get(v).is_some_and(|s| s.is_singular))
-            .map(|v| self.mesh.vertices[v as usize])
-            .collect();
-        points.extend_from_slice(&self.touched);
-        points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-        points
-    }
-
     /// Is there a singular point in the element, or within a few pixels of it? Several
     /// curves end at a contact's end, up to rounding, and no curve need end where a corner
     /// touches.
-    fn touches(&self, t: usize, singular: &[DVec2]) -> bool {
+    fn touches(&self, t: usize) -> bool {
         let radius = 32.0 * self.contact_radius;
         let corners = self.mesh.corners(t as u32);
         let min = corners[0].min(corners[1]).min(corners[2]) - radius;
@@ -1121,39 +1000,29 @@ impl Field {
             let is_inside = barycentric(corners, s).iter().all(|&x| x >= 0.0);
             is_inside || (0..3).any(|k| distance(corners[k], corners[(k + 1) % 3], s) <= radius)
         };
-        let from = singular.partition_point(|s| s.x < min.x);
-        singular[from..]
+        let from = self.singular.partition_point(|s| s.x < min.x);
+        self.singular[from..]
             .iter()
             .take_while(|s| s.x <= max.x)
             .any(|&s| s.y >= min.y && s.y <= max.y && is_near(s))
     }
 
     /// The nodes of an element: known ones, and new ones with their samples.
-    fn nodes_for(
-        &mut self,
-        t: usize,
-        special: &HashMap<u32, SpecialVertex>,
-        samples: &mut Vec<Sample>,
-    ) -> [u32; MOST_NODES] {
-        let triangle = self.mesh.triangles[t];
-        let corners = triangle.map(|v| self.mesh.vertices[v as usize]);
-        let centroid = (corners[0] + corners[1] + corners[2]) / 3.0;
+    fn nodes_for(&mut self, t: usize, samples: &mut Vec<Sample>) -> [u32; MOST_NODES] {
         let p = f64::from(self.degree);
         let mut ids = [u32::MAX; MOST_NODES];
         for (id, node) in ids.iter_mut().zip(lattice(self.degree)) {
-            let (uv, side) = match node.map(|m| m > 0) {
-                [true, false, false] => self.corner(t, 0, special, centroid),
-                [false, true, false] => self.corner(t, 1, special, centroid),
-                [false, false, true] => self.corner(t, 2, special, centroid),
+            let triangle = self.mesh.triangles[t];
+            let uv = match node.map(|m| m > 0) {
+                [true, false, false] => self.mesh.vertices[triangle[0] as usize],
+                [false, true, false] => self.mesh.vertices[triangle[1] as usize],
+                [false, false, true] => self.mesh.vertices[triangle[2] as usize],
                 [true, true, false] => self.on_edge(t, 0, f64::from(node[1]) / p),
                 [false, true, true] => self.on_edge(t, 1, f64::from(node[2]) / p),
                 [true, false, true] => self.on_edge(t, 2, f64::from(node[0]) / p),
-                _ => (
-                    self.point(t, node.map(|m| f64::from(m) / p)),
-                    NodeSide::Both,
-                ),
+                _ => self.point(t, node.map(|m| f64::from(m) / p)),
             };
-            *id = self.node(uv, side, centroid, samples);
+            *id = self.node(uv, t, samples);
         }
         ids
     }
@@ -1161,7 +1030,6 @@ impl Field {
     /// Check points on the edges of an element that lie on curves, or on all if all
     /// curves are known: where interpolation along the edge errs most.
     fn edge_checks_for(&mut self, t: usize, samples: &mut Vec<Sample>) -> Vec<([f64; 3], u32)> {
-        let centroid = self.point(t, [1.0 / 3.0; 3]);
         let triangle = self.mesh.triangles[t];
         let mut checks = Vec::new();
         for k in 0..3 {
@@ -1182,11 +1050,11 @@ impl Field {
                 [off, 1.0 - off]
             };
             for at in order {
-                let (uv, side) = self.on_edge(t, k, at);
+                let uv = self.on_edge(t, k, at);
                 let mut barycentric = [0.0; 3];
                 barycentric[k] = 1.0 - at;
                 barycentric[next] = at;
-                checks.push((barycentric, self.node(uv, side, centroid, samples)));
+                checks.push((barycentric, self.node(uv, t, samples)));
                 // One place an edge, the same from both sides, if all curves are known
                 // and the edge is short: the error is then as large at its other end.
                 let [p, q] = [triangle[k], triangle[next]].map(|v| self.mesh.vertices[v as usize]);
@@ -1199,33 +1067,9 @@ impl Field {
         checks
     }
 
-    fn corner(
-        &self,
-        t: usize,
-        k: usize,
-        special: &HashMap<u32, SpecialVertex>,
-        centroid: DVec2,
-    ) -> (DVec2, NodeSide) {
-        let triangle = self.mesh.triangles[t];
-        let v = triangle[k];
-        let uv = self.mesh.vertices[v as usize];
-        let Some(vertex) = special.get(&v) else {
-            return (uv, NodeSide::Both);
-        };
-        // On a line that runs along an edge of the element, that edge tells the side.
-        let along = [k, (k + 2) % 3].into_iter().find(|&edge| {
-            self.role(triangle[edge], triangle[(edge + 1) % 3]) != EdgeRole::default()
-        });
-        let inside = match (vertex.line, along) {
-            (Some(_), Some(edge)) => uv + self.inward(t, edge),
-            _ => centroid,
-        };
-        (uv, vertex.side(uv, inside))
-    }
-
     /// The point at `at` along edge `k` of an element, from corner k to k + 1; the
     /// same bits from both elements at the edge.
-    fn on_edge(&self, t: usize, k: usize, at: f64) -> (DVec2, NodeSide) {
+    fn on_edge(&self, t: usize, k: usize, at: f64) -> DVec2 {
         let triangle = self.mesh.triangles[t];
         let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
         // From the vertex with the smaller id.
@@ -1234,45 +1078,14 @@ impl Field {
             self.mesh.vertices[from as usize],
             self.mesh.vertices[to as usize],
         );
-        let uv = p + (q - p) * at;
-        let side = if self.role(a, b) == EdgeRole::default() {
-            NodeSide::Both
-        } else {
-            NodeSide::of(q - p, uv, uv + self.inward(t, k))
-        };
-        (uv, side)
+        p + (q - p) * at
     }
 
-    /// Across edge `k` of an element, into it: to the left, for corners turn
-    /// counter-clockwise. The centroid of a sliver may lie beyond the edge by rounding.
-    fn inward(&self, t: usize, k: usize) -> DVec2 {
-        let [a, b] =
-            [k, (k + 1) % 3].map(|i| self.mesh.vertices[self.mesh.triangles[t][i] as usize]);
-        (b - a).perp()
-    }
-
-    /// The id of the node at a position; a new one gets a sample.
-    fn node(
-        &mut self,
-        uv: DVec2,
-        side: NodeSide,
-        centroid: DVec2,
-        samples: &mut Vec<Sample>,
-    ) -> u32 {
-        // Beside a line the limit is the same for all directions; straight away from it
-        // it has most digits, whatever the shape of the element.
-        let toward = match side {
-            NodeSide::Left(across) | NodeSide::Right(across) => across,
-            _ => (centroid - uv).normalize_or_zero(),
-        };
-        let tag = match side {
-            NodeSide::Both => [0, 0],
-            NodeSide::Border => [1, 0],
-            NodeSide::Left(_) => [2, 0],
-            NodeSide::Right(_) => [3, 0],
-            NodeSide::Corner => [toward.x.to_bits(), toward.y.to_bits()],
-        };
+    /// The id of the node of an element at a position; a new one gets a sample.
+    fn node(&mut self, uv: DVec2, t: usize, samples: &mut Vec<Sample>) -> u32 {
+        let side = self.sides.side(uv, self.mesh.corners(t as u32));
         let place = (uv / (SAME_NODE * self.size)).round();
+        let tag = side.key();
         let key = [
             (place.x as i64).cast_unsigned(),
             (place.y as i64).cast_unsigned(),
@@ -1284,15 +1097,26 @@ impl Field {
         }
         let id = self.nodes.len() as u32;
         self.ids.insert(key, id);
-        let toward =
-            (side != NodeSide::Both).then(|| self.chart.direction(toward).normalize_or_zero());
-        samples.push(Sample {
-            point: self.chart.to_space(uv),
-            toward,
-        });
+        let sample = self.sample(uv, side);
+        self.toward.push(sample.toward);
+        samples.push(sample);
         self.nodes.push(uv);
-        self.toward.push(toward);
         id
+    }
+
+    /// What is asked of the light at a place of an element.
+    fn sample_at(&self, t: usize, at: [f64; 3]) -> Sample {
+        let uv = self.point(t, at);
+        self.sample(uv, self.sides.side(uv, self.mesh.corners(t as u32)))
+    }
+
+    fn sample(&self, uv: DVec2, side: NodeSide) -> Sample {
+        Sample {
+            point: self.chart.to_space(uv),
+            toward: side
+                .toward()
+                .map(|toward| self.chart.direction(toward).normalize_or_zero()),
+        }
     }
 
     /// How often each element is to be bisected for its direct light.
@@ -1720,59 +1544,4 @@ fn part_inside(corners: [DVec2; 3], [p, q]: [DVec2; 2]) -> Option<(f64, f64)> {
         }
     }
     (from < to).then_some((from, to))
-}
-
-/// A vertex on the border or on a contact.
-#[derive(Clone, Copy)]
-struct SpecialVertex {
-    has_contact: bool,
-    /// The direction of the border or contact, if it runs straight through.
-    line: Option<DVec2>,
-    /// The limit depends on the direction of approach.
-    is_singular: bool,
-}
-
-impl SpecialVertex {
-    fn side(&self, at: DVec2, centroid: DVec2) -> NodeSide {
-        match self.line {
-            Some(line) => NodeSide::of(line, at, centroid),
-            None if self.has_contact => NodeSide::Corner,
-            None => NodeSide::Border,
-        }
-    }
-}
-
-/// From where a node's value is the limit.
-#[derive(Clone, Copy, PartialEq)]
-enum NodeSide {
-    /// Irradiance is continuous there.
-    Both,
-    /// Inside a corner of the border without contact.
-    Border,
-    /// Left of a contact or border, in its direction with a positive component along
-    /// a fixed reference; with the unit vector that points away from the line.
-    Left(DVec2),
-    /// Right of it.
-    Right(DVec2),
-    /// Its own element only.
-    Corner,
-}
-
-impl NodeSide {
-    fn of(line: DVec2, at: DVec2, centroid: DVec2) -> Self {
-        // The same side for both directions of the line, whatever their rounding:
-        // lines perpendicular to this direction are not to be expected.
-        let reference = DVec2::new(0.812_347, 0.583_173);
-        let line = if line.dot(reference) < 0.0 {
-            -line
-        } else {
-            line
-        };
-        let left = line.perp().normalize_or_zero();
-        if left.dot(centroid - at) > 0.0 {
-            Self::Left(left)
-        } else {
-            Self::Right(-left)
-        }
-    }
 }

@@ -1,8 +1,7 @@
 //! Flat patches of a mesh: triangles that share edges, a plane and a direction.
 
 use super::nearby::Nearby;
-use super::plane::Plane;
-use antumbra_geom::{DVec3, newell_normal};
+use antumbra_geom::{DVec3, Plane, newell_normal};
 use std::collections::BTreeSet;
 
 /// The triangles that count.

@@ -8,12 +8,8 @@
 use super::Patch;
 use super::nearby::Nearby;
 use super::weld::Welded;
-use antumbra_geom::DVec3;
+use antumbra_geom::{DVec3, Plane, settled};
 use std::collections::BTreeMap;
-
-/// Planes that meet at a smaller angle (its sine) do not hold a corner together:
-/// the line in which they meet would be known a thousand times worse than they.
-const SMALLEST_ANGLE: f64 = 1e-3;
 
 /// No corner moves farther than so many tolerances. A fold of half a degree needs
 /// as much; on finely tessellated surfaces more would move corners farther than
@@ -27,19 +23,6 @@ const IN_PLACE: f64 = 1.0 / (1u64 << 50) as f64;
 /// A polygon is plane if its corners lie in its plane to this part of its width,
 /// or to rounding: a tenth of what the check of scenes asks for.
 const PLANE: f64 = 1e-10;
-
-/// A plane through `point` with a unit normal.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Plane {
-    pub(super) normal: DVec3,
-    pub(super) point: DVec3,
-}
-
-impl Plane {
-    pub(super) fn height(&self, point: DVec3) -> f64 {
-        (point - self.point).dot(self.normal)
-    }
-}
 
 /// Vertices after the move.
 pub(super) struct Moved {
@@ -117,47 +100,6 @@ pub(super) fn onto_planes(patches: &[Patch], welded: &Welded) -> Moved {
         }
     }
     moved
-}
-
-/// The point nearest to `from` on all planes that agree on one within `farthest`;
-/// those that come later and do not agree are passed over.
-fn settled(from: DVec3, planes: &[Plane], farthest: f64) -> DVec3 {
-    let mut directions: Vec<DVec3> = Vec::new();
-    let mut kept: Vec<Plane> = Vec::new();
-    let mut to = from;
-    for &plane in planes {
-        let mut free = plane.normal;
-        for &q in &directions {
-            free -= free.dot(q) * q;
-        }
-        let sine = free.length();
-        if sine < SMALLEST_ANGLE {
-            continue;
-        }
-        let direction = free / sine;
-        let next = to - plane.height(to) / sine * direction;
-        if next.distance(from) > farthest {
-            continue;
-        }
-        to = next;
-        directions.push(direction);
-        kept.push(plane);
-    }
-    // Once more, for the rounding of the first time; and exactly, along axes.
-    for (plane, &direction) in kept.iter().zip(&directions) {
-        to -= plane.height(to) / direction.dot(plane.normal) * direction;
-    }
-    for plane in kept {
-        if let Some(axis) = axis(plane.normal) {
-            to[axis] = plane.point[axis];
-        }
-    }
-    to
-}
-
-/// The axis to which the plane is exactly perpendicular.
-fn axis(normal: DVec3) -> Option<usize> {
-    (0..3).find(|&k| normal[k].abs() == 1.0)
 }
 
 /// Patches in one plane, the largest first; they may face either way.

@@ -1,0 +1,108 @@
+//! Points moved onto the planes that they belong to.
+
+use crate::DVec3;
+
+/// Planes that meet at a smaller angle (its sine) do not hold a point together: the line
+/// in which they meet would be known a thousand times worse than they.
+const SMALLEST_ANGLE: f64 = 1e-3;
+
+/// A plane through a point.
+#[derive(Clone, Copy, Debug)]
+pub struct Plane {
+    /// Unit normal.
+    pub normal: DVec3,
+    /// Any point of it.
+    pub point: DVec3,
+}
+
+impl Plane {
+    /// The height of a point over the plane, positive on the side of the normal.
+    #[must_use]
+    pub fn height(&self, point: DVec3) -> f64 {
+        (point - self.point).dot(self.normal)
+    }
+}
+
+/// The point nearest to `from` on all planes that agree on one within `farthest`; those
+/// that come later and do not agree, or are almost parallel to earlier ones, are passed
+/// over.
+#[must_use]
+pub fn settled(from: DVec3, planes: &[Plane], farthest: f64) -> DVec3 {
+    let mut directions: Vec<DVec3> = Vec::new();
+    let mut kept: Vec<Plane> = Vec::new();
+    let mut to = from;
+    for &plane in planes {
+        let mut free = plane.normal;
+        for &q in &directions {
+            free -= free.dot(q) * q;
+        }
+        let sine = free.length();
+        if sine < SMALLEST_ANGLE {
+            continue;
+        }
+        let direction = free / sine;
+        let next = to - plane.height(to) / sine * direction;
+        if next.distance(from) > farthest {
+            continue;
+        }
+        to = next;
+        directions.push(direction);
+        kept.push(plane);
+    }
+    // Once more, for the rounding of the first time; and exactly, along axes.
+    for (plane, &direction) in kept.iter().zip(&directions) {
+        to -= plane.height(to) / direction.dot(plane.normal) * direction;
+    }
+    for plane in kept {
+        if let Some(axis) = axis(plane.normal) {
+            to[axis] = plane.point[axis];
+        }
+    }
+    to
+}
+
+/// The axis to which the plane is exactly perpendicular.
+fn axis(normal: DVec3) -> Option<usize> {
+    (0..3).find(|&k| normal[k].abs() == 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dvec3;
+
+    #[test]
+    fn point_settles_on_three_planes_and_keeps_to_axes_exactly() {
+        let planes = [
+            Plane {
+                normal: DVec3::Z,
+                point: dvec3(5.0, 5.0, 0.1),
+            },
+            Plane {
+                normal: dvec3(0.6, 0.8, 0.0),
+                point: DVec3::ZERO,
+            },
+            Plane {
+                normal: dvec3(0.8, 0.0, 0.6),
+                point: dvec3(0.0, 0.0, 0.1),
+            },
+        ];
+        let to = settled(dvec3(1e-9, -2e-9, 0.1 + 3e-9), &planes, 1e-7);
+        assert_eq!(to.z.to_bits(), 0.1f64.to_bits());
+        assert!(planes.iter().all(|p| p.height(to).abs() < 1e-16));
+    }
+
+    #[test]
+    fn planes_that_would_move_it_too_far_are_passed_over() {
+        let near = Plane {
+            normal: DVec3::X,
+            point: DVec3::X * 1e-9,
+        };
+        let far = Plane {
+            normal: DVec3::Y,
+            point: DVec3::Y,
+        };
+        let to = settled(DVec3::ZERO, &[far, near], 1e-8);
+        assert_eq!(to, DVec3::X * 1e-9);
+    }
+}
