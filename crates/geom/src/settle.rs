@@ -63,7 +63,8 @@ pub fn settled(from: DVec3, planes: &[Plane], farthest: f64) -> DVec3 {
 
 /// The axis to which the plane is exactly perpendicular.
 fn axis(normal: DVec3) -> Option<usize> {
-    (0..3).find(|&k| normal[k].abs() == 1.0)
+    // A component of 1 is not enough: it hides tilts of up to 1e-8.
+    (0..3).find(|&k| normal.abs() == DVec3::AXES[k])
 }
 
 #[cfg(test)]
@@ -90,6 +91,16 @@ mod tests {
         let to = settled(dvec3(1e-9, -2e-9, 0.1 + 3e-9), &planes, 1e-7);
         assert_eq!(to.z.to_bits(), 0.1f64.to_bits());
         assert!(planes.iter().all(|p| p.height(to).abs() < 1e-16));
+    }
+
+    #[test]
+    fn plane_tilted_by_a_billionth_is_no_axis() {
+        let tilted = Plane {
+            normal: dvec3(1.0, 1e-9, 0.0),
+            point: DVec3::ZERO,
+        };
+        let to = settled(dvec3(0.0, 0.5, 0.0), &[tilted], 1e-8);
+        assert!(tilted.height(to).abs() < 1e-17, "{to}");
     }
 
     #[test]

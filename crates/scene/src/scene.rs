@@ -218,6 +218,16 @@ impl Scene {
     /// a table and a floor of 4 m that must stay two planes.
     pub(crate) const PLANE_TOLERANCE: f64 = 1.0 / (1u64 << 42) as f64;
 
+    /// [`Scene::rounding`] relative to the extent: eight roundings of a coordinate.
+    pub(crate) const ROUNDING: f64 = 1.0 / (1u64 << 49) as f64;
+
+    /// How far corners of a plane surface lie off its plane at most, if nothing but their
+    /// coordinates' rounding takes them there; scene units.
+    #[must_use]
+    pub fn rounding(&self) -> f64 {
+        self.extent * Self::ROUNDING
+    }
+
     /// Points closer than this to a plane class lie on it; scene units.
     #[must_use]
     pub fn plane_tolerance(&self) -> f64 {

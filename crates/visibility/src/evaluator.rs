@@ -138,6 +138,10 @@ const LONGEST_LIST: usize = 24;
 /// A visible share this small is the rounding of the cuts: nothing is visible.
 const DARK: f64 = 8.0 * f64::EPSILON;
 
+/// Edges farther from the point than this part of the scene are seen where they are, up to
+/// [`DARK`] and what the laws of light allow.
+const NEAR: f64 = 1e-4;
+
 /// More candidates than this in one fragment, and the fragment is cut in two.
 const FLAT_CANDIDATES: usize = 6;
 
@@ -593,7 +597,8 @@ impl<'s> Evaluator<'s> {
         }
 
         // The cones of all candidates.
-        let add = |piece: u32, scratch: &mut Scratch| {
+        let mut nearest = f64::INFINITY;
+        let mut add = |piece: u32, scratch: &mut Scratch| {
             let occluder = &self.occluders[piece as usize];
             if occluder.plane == source.plane || Some(occluder.plane) == view.plane {
                 return;
@@ -609,6 +614,11 @@ impl<'s> Evaluator<'s> {
                 reach,
             );
             if n > 0 {
+                let height = occluder.normal.dot(corners[0] - point).abs();
+                if height < NEAR * self.scene.extent {
+                    let least = approach.map_or(0.0, |a| a.radius);
+                    nearest = nearest.min(nearest_edge(corners, point, least));
+                }
                 let start = scratch.cone_corners.len() as u32;
                 scratch
                     .cone_corners
@@ -658,7 +668,10 @@ impl<'s> Evaluator<'s> {
             factor += contour_sum(scratch.fragments.corners(fragment), view.normal);
         }
         hidden.audit(factor, whole, slack);
-        if factor <= DARK * unoccluded {
+        // Where an edge is seen is known to the rounding of its ends by its distance; what
+        // comes through less is not known to come through.
+        let slit = self.scene.rounding() / nearest;
+        if factor <= (DARK * unoccluded).max(slit) {
             scratch.visible.clear();
             return 0.0;
         }
@@ -1080,4 +1093,15 @@ impl Hidden {
             self.sum
         );
     }
+}
+
+/// Distance of a point from the edges of a polygon that are farther than `least`.
+fn nearest_edge(corners: &[DVec3], point: DVec3, least: f64) -> f64 {
+    (0..corners.len())
+        .map(|i| {
+            let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
+            distance_to_segment_sq(a - point, b - a).sqrt()
+        })
+        .filter(|&d| d > least)
+        .fold(f64::INFINITY, f64::min)
 }

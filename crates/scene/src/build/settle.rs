@@ -7,12 +7,9 @@
 //! they belong to: three planes, as at the corner of a room, have a point in common.
 
 use super::outline::Polygon;
+use crate::scene::Scene;
 use antumbra_geom::{DVec3, Plane, newell_normal, settled};
 use std::collections::{BTreeMap, BTreeSet};
-
-/// Corners this near to their plane stay as they are, relative to the extent: rounding of
-/// a turned scene.
-const IN_PLACE: f64 = 1.0 / (1u64 << 49) as f64;
 
 /// No corner moves farther than so many times what the worst surface at it deviates.
 const FARTHEST: f64 = 16.0;
@@ -26,7 +23,8 @@ const STRAIGHT: f64 = 8.0;
 /// Where more than three planes meet in a corner, not all can be had: the largest come
 /// first, and what is left off its plane is so by no more than before.
 pub(super) fn onto_planes(vertices: &mut [DVec3], polygons: &mut [Vec<Polygon>], extent: f64) {
-    let in_place = IN_PLACE * extent;
+    // A turned scene's corners are no better.
+    let in_place = Scene::ROUNDING * extent;
     let mut order: Vec<&mut Polygon> = polygons.iter_mut().flatten().collect();
     order.sort_by(|a, b| b.area.total_cmp(&a.area));
 
