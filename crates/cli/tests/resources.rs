@@ -128,6 +128,22 @@ fn budget_in_which_the_scene_cannot_be_read_leaves_no_file() {
 }
 
 #[test]
+fn budget_that_ends_while_outputs_are_tried_leaves_no_file() {
+    let folder = folder("trying");
+    let mut command = antumbra();
+    command
+        .args(["mesh", "--budget", "1e-6"])
+        .arg(fixture("basic/unoccluded.json"));
+    // So many that the end comes in the middle of trying them.
+    for k in 0..1000 {
+        command.arg("-o").arg(folder.join(format!("{k}.json")));
+    }
+    let ended = run(&mut command);
+    assert_eq!(ended.code(), Some(6), "{}", ended.stderr);
+    assert_eq!(names_in(&folder), [""; 0]);
+}
+
+#[test]
 #[cfg(target_os = "linux")]
 fn memory_stays_below_its_limit() {
     let folder = folder("memory");
