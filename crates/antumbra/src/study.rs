@@ -391,7 +391,10 @@ impl Subject<'_> {
     ) -> Result<CellSolution, Error> {
         match self.total {
             None => Ok(mesh_cells(self.scene, options, control)?.direct),
-            Some(t) => Ok(cell_meshes_for(t.evaluator, &t.driver, options, control)?.finish()),
+            Some(t) => {
+                let (meshes, _) = cell_meshes_for(t.evaluator, &t.driver, options, control)?;
+                Ok(meshes.finish())
+            }
         }
     }
 }

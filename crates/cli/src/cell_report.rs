@@ -7,7 +7,7 @@ use crate::report::{
 };
 use antumbra::{
     CellEnded, CellOptions, CellSize, CellSolution, DirectMesh, Mesher, Progress,
-    RadiositySolution, Reached, Scene, Tolerance,
+    RadiositySolution, Reached, Scene, SizeLimit, Tolerance,
 };
 use serde_json::{Map, Value, json};
 
@@ -15,6 +15,7 @@ use serde_json::{Map, Value, json};
 pub(crate) struct CellOutcome<'a> {
     pub(crate) meshes: &'a CellSolution,
     pub(crate) mesher: Mesher,
+    pub(crate) limit: Option<&'a SizeLimit>,
     pub(crate) radiosity: Option<&'a RadiositySolution>,
 }
 
@@ -55,6 +56,8 @@ pub(crate) fn document(
         let cells = r.mesh.cells.iter();
         cells.filter(|c| c.is_quadrilateral()).count()
     };
+    let warnings = loaded.warnings.iter().map(|w| w.message.clone());
+    let limit = result.limit.map(|limit| limit_message(scene, limit));
     let n_quads: usize = receivers.iter().map(|r| is_quad(&r)).sum();
     let node_evaluations: u64 = receivers.iter().map(|r| r.node_evaluations).sum();
     let mut document = json!({
@@ -91,7 +94,7 @@ pub(crate) fn document(
         "seconds": seconds,
         "peak_memory_bytes": peak_memory(),
         "threads": rayon::current_num_threads(),
-        "warnings": loaded.warnings.iter().map(|w| w.message.clone()).chain(loaded.notes.iter().cloned()).collect::<Vec<_>>(),
+        "warnings": warnings.chain(loaded.notes.iter().cloned()).chain(limit).collect::<Vec<_>>(),
     });
     if let Some(object) = document.as_object_mut() {
         let progress: Vec<Progress> = receivers.iter().map(|r| r.progress).collect();
@@ -106,6 +109,15 @@ pub(crate) fn document(
         }
     }
     document
+}
+
+/// Why elements are not as small as was asked for, and the option that can change it.
+fn limit_message(scene: &Scene, limit: &SizeLimit) -> String {
+    let option = match limit {
+        SizeLimit::MostElements { .. } => "",
+        SizeLimit::LeastSize { .. } | SizeLimit::FewerElements { .. } => " (--least-size)",
+    };
+    format!("{}{option}", limit.message(scene.length_unit.symbol()))
 }
 
 fn ended(ended: CellEnded) -> &'static str {
@@ -166,7 +178,7 @@ fn per_surface(scene: &Scene, meshes: &CellSolution) -> Value {
 }
 
 /// A few lines for people.
-pub(crate) fn summary(report: &Value, result: &CellOutcome<'_>) -> String {
+pub(crate) fn summary(scene: &Scene, report: &Value, result: &CellOutcome<'_>) -> String {
     let allowed = match report["tolerance"].as_f64() {
         Some(t) => format!("allowed {t}"),
         None => "no tolerance was asked for".to_owned(),
@@ -191,6 +203,9 @@ pub(crate) fn summary(report: &Value, result: &CellOutcome<'_>) -> String {
         report["check_evaluations"],
         report["seconds"]["total"].as_f64().unwrap_or(0.0),
     );
+    if let Some(limit) = result.limit {
+        text.push_str(&format!("\nwarning: {}", limit_message(scene, limit)));
+    }
     if let Some(by) = report["stopped"]["by"].as_str() {
         text.push_str(&format!("\nstopped by {by}: the result is partial"));
     }

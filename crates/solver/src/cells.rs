@@ -93,7 +93,7 @@ pub enum CellEnded {
     /// Halving the size of whole receivers did not lower their error any more, as where
     /// something stands on them: there is no size for the tolerance.
     Stalled,
-    /// The limit on elements was reached first.
+    /// The limit on elements was reached first, or more than it allows were asked for.
     TooManyElements,
     /// No tolerance was asked for.
     AsAsked,
@@ -379,6 +379,9 @@ impl CellMeshes {
         if goal == CellGoal::AsGiven {
             progress(self.n_elements(), 1.0);
             return CellEnded::AsAsked;
+        }
+        if matches!(goal, CellGoal::Elements(wanted) if wanted > most_elements) {
+            return CellEnded::TooManyElements;
         }
         let mut points = (estimator == Estimator::Measured).then_some(Points::Nested);
         loop {

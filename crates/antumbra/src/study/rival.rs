@@ -200,7 +200,7 @@ pub(crate) fn effectivities(
         );
         for estimator in Estimator::ALL {
             // Each on a mesh of its own, for points that are known cost nothing.
-            let mut meshes = cell_meshes_for(evaluator, driver, &options, control)?;
+            let (mut meshes, _) = cell_meshes_for(evaluator, driver, &options, control)?;
             let Some(truth) = meshes.true_errors(TRUE_POINTS, driver, stop) else {
                 break;
             };
