@@ -4,7 +4,7 @@ use crate::light::ExactLight;
 use crate::pipeline::{
     Control, Error, Options, Phase, Solved, contact_radius, hot_spots, solve_on,
 };
-use antumbra_geom::{Chart, Stop};
+use antumbra_geom::{Chart, Stop, bounding_box, distance_to_segment, distance_to_segment_in_space};
 use antumbra_mesh::MeshError;
 use antumbra_mesh::cells::{CellForest, CellShape, Rule, graded, uniform};
 use antumbra_scene::{FaceId, Scene};
@@ -634,12 +634,7 @@ fn n_of_size(scene: &Scene, light: &dyn Light, length: f64, options: &CellOption
 
 /// Of the box around loops.
 fn diagonal(loops: &[Vec<DVec2>]) -> f64 {
-    let (min, max) = loops
-        .iter()
-        .flatten()
-        .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(min, max), &p| {
-            (min.min(p), max.max(p))
-        });
+    let [min, max] = bounding_box(loops.iter().flatten().copied());
     (max - min).length()
 }
 
@@ -719,12 +714,8 @@ impl Near {
 
     /// From a point of the receiver to the nearest of all.
     fn distance(&self, uv: DVec2) -> f64 {
-        let to_segments = self.segments.iter().map(|&[a, b]| {
-            let d = b - a;
-            let length_sq = d.length_squared().max(f64::MIN_POSITIVE);
-            let at = (d.dot(uv - a) / length_sq).clamp(0.0, 1.0);
-            (a + d * at).distance(uv)
-        });
+        let segments = self.segments.iter();
+        let to_segments = segments.map(|&ends| distance_to_segment(ends, uv));
         let point = self.chart.to_space(uv);
         let to_emitters = self.emitters.iter().map(|e| distance_to_convex(e, point));
         to_segments.chain(to_emitters).fold(f64::INFINITY, f64::min)
@@ -743,11 +734,6 @@ fn distance_to_convex(corners: &[DVec3], point: DVec3) -> f64 {
         return normal.dot(point - corners[0]).abs();
     }
     (0..n)
-        .map(|i| {
-            let (a, d) = (corners[i], corners[(i + 1) % n] - corners[i]);
-            let length_sq = d.length_squared().max(f64::MIN_POSITIVE);
-            let at = (d.dot(point - a) / length_sq).clamp(0.0, 1.0);
-            (a + d * at).distance(point)
-        })
+        .map(|i| distance_to_segment_in_space([corners[i], corners[(i + 1) % n]], point))
         .fold(f64::INFINITY, f64::min)
 }

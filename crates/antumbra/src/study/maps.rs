@@ -3,7 +3,7 @@
 use super::{Reference, Sampled, one_value, value_at, worst_band};
 use crate::mesher::Mesher;
 use crate::values::Place;
-use antumbra_geom::{Chart, DVec2, Stop, dvec2, point_in_polygon};
+use antumbra_geom::{Chart, DVec2, Stop, bounding_box, dvec2, point_in_polygon};
 use antumbra_io::study::{ErrorMap, MapGroup, Run, Series, Study};
 use antumbra_scene::{FaceId, Scene};
 use antumbra_solver::Light;
@@ -59,12 +59,7 @@ impl Canvas {
         };
         let chart = scene.chart(face);
         let loops = scene.loops_in_chart(face, &chart);
-        let (min, max) = loops
-            .iter()
-            .flatten()
-            .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(a, b), &p| {
-                (a.min(p), b.max(p))
-            });
+        let [min, max] = bounding_box(loops.iter().flatten().copied());
         let side = (max - min).max_element() / pixels as f64;
         let count = |length: f64| ((length / side).round() as usize).clamp(1, pixels);
         let (width, height) = (count(max.x - min.x), count(max.y - min.y));
