@@ -3,7 +3,8 @@
 use crate::input::Loaded;
 use crate::progress::peak_memory;
 use crate::report::{
-    Stop, bands, interreflection, interreflection_summary, measured, stopped, words,
+    Stop, SurfaceRow, bands, interreflection, interreflection_summary, measured, stopped,
+    unresolved_share,
 };
 use antumbra::{
     CellEnded, CellOptions, CellSize, CellSolution, DirectMesh, Mesher, Progress,
@@ -58,6 +59,13 @@ pub(crate) fn document(
     };
     let warnings = loaded.warnings.iter().map(|w| w.message.clone());
     let limit = result.limit.map(|limit| limit_message(scene, limit));
+    let quality = antumbra::quality(scene, meshes);
+    // Rounding may call a square better than the best; where nothing is, nothing is bad.
+    let worst_quality = if n_elements > 0 {
+        quality.min.min(1.0)
+    } else {
+        1.0
+    };
     let n_quads: usize = receivers.iter().map(|r| is_quad(&r)).sum();
     let node_evaluations: u64 = receivers.iter().map(|r| r.node_evaluations).sum();
     let mut document = json!({
@@ -87,8 +95,8 @@ pub(crate) fn document(
         "elements_above_tolerance": receivers.iter().map(|r| r.n_above).sum::<usize>(),
         "unresolved_elements": receivers.iter().map(|r| r.unresolved.len()).sum::<usize>(),
         "unresolved_area_fraction": unresolved_area(meshes),
-        "worst_shape_quality": worst_quality(meshes),
-        "quality": antumbra::quality(scene, meshes),
+        "worst_shape_quality": worst_quality,
+        "quality": quality,
         "peak_irradiance": bands(&meshes.peak),
         "per_surface": per_surface(scene, meshes),
         "seconds": seconds,
@@ -133,48 +141,28 @@ fn ended(ended: CellEnded) -> &'static str {
 }
 
 fn unresolved_area(meshes: &CellSolution) -> f64 {
-    let (mut unresolved, mut total) = (0.0, 0.0);
-    for receiver in &meshes.receivers {
-        total += receiver.mesh.total_area();
-        let areas = receiver.unresolved.iter();
-        unresolved += areas.map(|&c| receiver.mesh.area(c as usize)).sum::<f64>();
-    }
-    if total > 0.0 { unresolved / total } else { 0.0 }
-}
-
-fn worst_quality(meshes: &CellSolution) -> f64 {
-    let qualities = meshes
-        .receivers
-        .iter()
-        .flat_map(|r| (0..r.n_elements()).map(|c| r.mesh.quality(c)));
-    qualities.fold(1.0, f64::min)
+    unresolved_share(meshes.receivers.iter().map(|receiver| {
+        let unresolved = receiver.unresolved.iter();
+        let areas = unresolved.map(|&c| receiver.mesh.area(c as usize));
+        [areas.sum(), receiver.mesh.total_area()]
+    }))
 }
 
 fn per_surface(scene: &Scene, meshes: &CellSolution) -> Value {
-    let rows: Vec<Value> = meshes
-        .receivers
-        .iter()
-        .map(|mesh| {
-            let surface = scene.surface_of(mesh.face);
-            let mut row = json!({
-                "surface": surface.name,
-                "part": mesh.face.0 - surface.faces.start,
-                "back": scene.face(mesh.face).is_back,
-                "elements": mesh.n_elements(),
-                "nodes": mesh.nodes.len(),
-                "t_vertices": mesh.mesh.n_t_vertices(),
-                "exact_evaluations": mesh.exact_evaluations(),
-                "max_error": mesh.max_error(),
-                "unresolved_elements": mesh.unresolved.len(),
-            });
-            if let (true, Some(object)) = (mesh.progress != Progress::Finished, row.as_object_mut())
-            {
-                object.insert("progress".into(), json!(words(mesh.progress)));
-            }
-            row
-        })
-        .collect();
-    json!(rows)
+    let rows = meshes.receivers.iter();
+    rows.map(|mesh| {
+        let row = SurfaceRow {
+            face: mesh.face,
+            elements: mesh.n_elements(),
+            nodes: mesh.nodes.len(),
+            exact_evaluations: mesh.exact_evaluations(),
+            max_error: mesh.max_error(),
+            unresolved_elements: mesh.unresolved.len(),
+            progress: mesh.progress,
+        };
+        row.with(scene, "t_vertices", mesh.mesh.n_t_vertices())
+    })
+    .collect()
 }
 
 /// A few lines for people.
