@@ -454,7 +454,7 @@ pub(crate) fn cell_meshes_for(
         most_elements: options.most_elements,
     };
     let meshes = CellMeshes::solve(receivers, driver, &direct, &control.limits(), &|_, done| {
-        (control.progress)(Phase::Irradiance, done)
+        (control.progress)(Phase::Irradiance, done);
     });
     let limit = match (size, goal) {
         _ if asked > options.most_elements => Some(SizeLimit::MostElements {

@@ -252,11 +252,20 @@ fn one_value(driver: &dyn Light, place: &Place, stop: Stop<'_>) -> Option<Vec<f6
 /// The bands of a light at all places; nothing if it was stopped.
 fn all_values(driver: &dyn Light, places: &[Place], stop: Stop<'_>) -> Option<Vec<f64>> {
     let values: Option<Vec<Vec<f64>>> = places
-        .par_iter()
-        .map(|place| one_value(driver, place, stop))
+        .par_chunks(PLACES)
+        .map(|places| {
+            let mut values = Vec::with_capacity(places.len() * driver.n_bands());
+            for place in places {
+                values.extend(one_value(driver, place, stop)?);
+            }
+            Some(values)
+        })
         .collect();
     Some(values?.concat())
 }
+
+/// Places that are evaluated together: few, for gathering at one takes long.
+const PLACES: usize = 4;
 
 /// The difference of the worst band, relative to its peak.
 fn worst_band(found: Option<&[f64]>, exact: &[f64], peak: &[f64]) -> f64 {
