@@ -1,5 +1,6 @@
 //! Helpers of the tests: cases with known answers, small scenes, oracles.
 
+pub mod bits;
 pub mod cases;
 pub mod check_points;
 pub mod lattice;

@@ -1,6 +1,7 @@
 //! Same input, same bytes: however many threads share the work.
 
-use antumbra::{Control, DirectSolution, Options, Tolerance};
+use antumbra::{Control, Options, Tolerance};
+use antumbra_tests::bits::bits_of_meshes;
 use antumbra_tests::cases::{build, fixture, fixtures, json_files};
 
 /// Folders of scene files that are valid, by their path below `fixtures`.
@@ -31,30 +32,6 @@ fn with_threads<T: Send>(n: usize, work: impl FnOnce() -> T + Send) -> T {
     pool.install(work)
 }
 
-/// Everything a mesh says, bit by bit.
-fn bits(solution: &DirectSolution) -> Vec<u64> {
-    let mut all = Vec::new();
-    for mesh in &solution.receivers {
-        all.extend(mesh.element_nodes.iter().map(|&n| u64::from(n)));
-        all.extend(
-            mesh.nodes
-                .iter()
-                .flat_map(|p| [p.x.to_bits(), p.y.to_bits()]),
-        );
-        let values = mesh
-            .direct
-            .iter()
-            .chain(&mesh.irradiance)
-            .chain(&mesh.element_errors);
-        all.extend(values.map(|v| v.to_bits()));
-        all.push(mesh.exact_evaluations);
-    }
-    all.extend(solution.peak.iter().map(|v| v.to_bits()));
-    all.push(solution.measured_max_error.to_bits());
-    all.push(solution.measured_rms_error.to_bits());
-    all
-}
-
 /// Every fixture, to a tolerance that all phases of refinement are needed for.
 #[test]
 fn meshes_are_bit_identical_for_any_number_of_threads() {
@@ -73,7 +50,7 @@ fn meshes_are_bit_identical_for_any_number_of_threads() {
         let scene = build(&fixture(&name));
         let run = || {
             let meshed = antumbra::mesh(&scene, &options, &Control::default());
-            bits(&meshed.unwrap_or_else(|e| panic!("{name}: {e}")).direct)
+            bits_of_meshes(&meshed.unwrap_or_else(|e| panic!("{name}: {e}")).direct)
         };
         let one = with_threads(1, run);
         for n in [2, 7] {
@@ -96,7 +73,7 @@ fn solutions_are_bit_identical_for_any_number_of_threads() {
         let run = || {
             let solved = antumbra::solve(&scene, &options, &Control::default());
             let radiosity = solved.unwrap_or_else(|e| panic!("{name}: {e}")).radiosity;
-            let mut all = bits(&radiosity.meshes);
+            let mut all = bits_of_meshes(&radiosity.meshes);
             all.extend([radiosity.iterations as u64, radiosity.residual.to_bits()]);
             let power = &radiosity.power;
             let watts = power

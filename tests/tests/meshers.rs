@@ -12,6 +12,7 @@ use antumbra::{
     DirectMesh, Estimator, Evaluator, ExactLight, Mesher, RadiosityOptions, Scene, Scratch,
     Tolerance, cell_meshes, mesh_cells, solve_cells,
 };
+use antumbra_tests::bits::bits_of_cells;
 use antumbra_tests::cases::{build, fixture};
 use glam::{DVec2, DVec3, dvec2};
 use proptest::prelude::*;
@@ -457,27 +458,6 @@ proptest! {
     }
 }
 
-/// Everything a mesh says, bit by bit.
-fn bits(solution: &CellSolution) -> Vec<u64> {
-    let mut all = Vec::new();
-    for mesh in &solution.receivers {
-        all.extend(mesh.element_nodes.iter().map(|&n| u64::from(n)));
-        all.extend(
-            mesh.nodes
-                .iter()
-                .flat_map(|p| [p.x.to_bits(), p.y.to_bits()]),
-        );
-        let values = mesh
-            .direct
-            .iter()
-            .chain(&mesh.irradiance)
-            .chain(&mesh.element_errors);
-        all.extend(values.map(|v| v.to_bits()));
-        all.extend([mesh.node_evaluations, mesh.check_evaluations]);
-    }
-    all
-}
-
 #[test]
 fn meshes_are_bit_identical_for_any_number_of_threads() {
     let scene = build(&fixture("contact/table"));
@@ -492,7 +472,7 @@ fn meshes_are_bit_identical_for_any_number_of_threads() {
                 .num_threads(n)
                 .build()
                 .unwrap();
-            pool.install(|| bits(&meshed(&scene, &options)))
+            pool.install(|| bits_of_cells(&meshed(&scene, &options)))
         });
         assert!(one == three, "{mesher:?}");
     }

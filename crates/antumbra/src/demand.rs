@@ -5,7 +5,7 @@
 //! curve is what a line saves. The line itself costs elements at its ends and where
 //! it crosses others.
 
-use antumbra_geom::{Stop, coarse_order};
+use antumbra_geom::{Stop, bounding_box, coarse_order};
 use antumbra_solver::{KINK_D1, KINK_D2};
 use antumbra_visibility::{CriticalCurve, Discontinuity, JUMP_PLACES};
 use glam::DVec2;
@@ -86,12 +86,7 @@ struct Neighbours {
 
 impl Neighbours {
     fn new(candidates: &[Candidate]) -> Self {
-        let (min, max) = candidates
-            .iter()
-            .flat_map(|c| c.ends)
-            .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(min, max), p| {
-                (min.min(p), max.max(p))
-            });
+        let [min, max] = bounding_box(candidates.iter().flat_map(|c| c.ends));
         Self {
             min,
             cell: ((max - min) / CELLS as f64).max(DVec2::splat(f64::MIN_POSITIVE)),

@@ -1,7 +1,7 @@
 //! From the engine's meshes to what the writers write.
 
 use crate::pipeline::ReceiverCurves;
-use antumbra_geom::Chart;
+use antumbra_geom::{Chart, distance_to_segment};
 use antumbra_io::model::{Curve, CurveEdge, FactorTable, Field, MeshedScene, SurfaceMesh};
 use antumbra_mesh::Order;
 use antumbra_mesh::cells::Beyond;
@@ -134,12 +134,7 @@ fn cell_surface(scene: &Scene, mesh: &CellReceiverMesh) -> SurfaceMesh {
 fn nearest_loop(loops: &[Vec<DVec2>], point: DVec2) -> u32 {
     let distance = |l: &Vec<DVec2>| {
         (0..l.len())
-            .map(|i| {
-                let (a, d) = (l[i], l[(i + 1) % l.len()] - l[i]);
-                let length_sq = d.length_squared().max(f64::MIN_POSITIVE);
-                let at = (d.dot(point - a) / length_sq).clamp(0.0, 1.0);
-                (a + d * at).distance(point)
-            })
+            .map(|i| distance_to_segment([l[i], l[(i + 1) % l.len()]], point))
             .fold(f64::INFINITY, f64::min)
     };
     let by_distance = |a: &usize, b: &usize| distance(&loops[*a]).total_cmp(&distance(&loops[*b]));

@@ -57,7 +57,8 @@ pub use antumbra_visibility::{
 pub use export::{export, export_cells, export_factors, generators, mesh_order_key, order_key};
 pub use light::ExactLight;
 pub use mesher::{
-    CellMeshed, CellOptions, CellSize, CellSolved, Mesher, cell_meshes, mesh_cells, solve_cells,
+    CellMeshed, CellOptions, CellSize, CellSolved, Mesher, SizeLimit, cell_meshes, mesh_cells,
+    solve_cells,
 };
 pub use pipeline::{
     Control, Error, EventCounts, Events, MOST_STEPS, Meshed, Options, Phase, ReceiverCurves,

@@ -4,13 +4,13 @@ use crate::light::ExactLight;
 use crate::pipeline::{
     Control, Error, Options, Phase, Solved, contact_radius, hot_spots, solve_on,
 };
-use antumbra_geom::{Chart, Stop};
+use antumbra_geom::{Chart, Stop, bounding_box, distance_to_segment, distance_to_segment_in_space};
 use antumbra_mesh::MeshError;
 use antumbra_mesh::cells::{CellForest, CellShape, Rule, graded, uniform};
 use antumbra_scene::{FaceId, Scene};
 use antumbra_solver::cells::{
-    CellDirectOptions, CellGoal, CellMeshes, CellReceiver, CellRefinement, CellSolution, Estimator,
-    Other,
+    CellDirectOptions, CellEnded, CellGoal, CellMeshes, CellReceiver, CellRefinement, CellSolution,
+    Estimator, Other,
 };
 use antumbra_solver::{Gatherer, Light, RadiosityOptions, Sample, Tolerance};
 use antumbra_visibility::{Approach, Evaluator, EventKind, EventKinds, critical_curves_until};
@@ -164,6 +164,65 @@ impl CellOptions {
     }
 }
 
+/// What kept elements from being as small, or as many, as was asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SizeLimit {
+    /// More elements than [`CellOptions::most_elements`]: only the mesh that refinement
+    /// begins with was made.
+    MostElements {
+        /// Elements asked for, about.
+        asked: usize,
+        /// Elements allowed.
+        most: usize,
+    },
+    /// Elements smaller than [`CellOptions::least_size`] on some receivers.
+    LeastSize {
+        /// The size that was asked for, or that as many elements have; file units.
+        asked: f64,
+        /// The largest size made instead; file units.
+        made: f64,
+        /// Receivers on which it is larger than was asked for.
+        n_receivers: usize,
+        /// Receivers that light reaches.
+        n_lit: usize,
+        /// Allowed, relative to a receiver's diagonal.
+        least: f64,
+    },
+    /// More elements than there are when all that err are of [`CellOptions::least_size`].
+    FewerElements {
+        /// Elements asked for, about.
+        asked: usize,
+        /// Elements made.
+        made: usize,
+        /// Allowed, relative to a receiver's diagonal.
+        least: f64,
+    },
+}
+
+impl SizeLimit {
+    /// One sentence; `unit` is the symbol of the file's unit of length.
+    #[must_use]
+    pub fn message(&self, unit: &str) -> String {
+        match self {
+            Self::MostElements { asked, most } => format!(
+                "about {asked} elements are asked for and {most} are allowed: only the coarsest mesh was made"
+            ),
+            Self::LeastSize {
+                asked,
+                made,
+                n_receivers,
+                n_lit,
+                least,
+            } => format!(
+                "what is asked for takes elements of {asked:.2e} {unit}, and on {n_receivers} of {n_lit} surfaces in the light they are larger, up to {made:.2e} {unit}: none is made smaller than {least} of its surface's diagonal"
+            ),
+            Self::FewerElements { asked, made, least } => format!(
+                "about {asked} elements are asked for and {made} were made: none is made smaller than {least} of its surface's diagonal"
+            ),
+        }
+    }
+}
+
 /// A scene meshed with cells.
 #[derive(Debug)]
 pub struct CellMeshed {
@@ -171,6 +230,8 @@ pub struct CellMeshed {
     pub direct: CellSolution,
     /// The generator.
     pub mesher: Mesher,
+    /// Why elements are not as small as was asked for.
+    pub limit: Option<SizeLimit>,
 }
 
 /// Meshes a scene with cells, with exact direct irradiance at the nodes.
@@ -189,9 +250,11 @@ pub fn mesh_cells(
 ) -> Result<CellMeshed, Error> {
     let evaluator = Evaluator::new(scene);
     let light = ExactLight::new_until(&evaluator, control.stop());
+    let (meshes, limit) = cell_meshes_for(&evaluator, &light, options, control)?;
     Ok(CellMeshed {
-        direct: cell_meshes(&evaluator, &light, options, control)?.finish(),
+        direct: meshes.finish(),
         mesher: options.mesher,
+        limit,
     })
 }
 
@@ -203,6 +266,8 @@ pub struct CellSolved {
     pub cells: CellSolution,
     /// The generator.
     pub mesher: Mesher,
+    /// Why elements are not as small as was asked for.
+    pub limit: Option<SizeLimit>,
     /// The radiosities of the patches that irradiance was gathered from, on a mesh of
     /// their own.
     pub patches: Solved,
@@ -252,7 +317,7 @@ pub fn solve_cells(
     };
     let is_total = options.mesher == Mesher::Adaptive && total.gatherer.is_some();
     let driver: &dyn Light = if is_total { &total } else { &light };
-    let meshes = cell_meshes_for(&evaluator, driver, options, control)?;
+    let (meshes, limit) = cell_meshes_for(&evaluator, driver, options, control)?;
     let other = if is_total {
         Other::Direct(&light)
     } else {
@@ -267,6 +332,7 @@ pub fn solve_cells(
     Ok(CellSolved {
         cells,
         mesher: options.mesher,
+        limit,
         patches,
     })
 }
@@ -332,23 +398,30 @@ pub fn cell_meshes(
     options: &CellOptions,
     control: &Control<'_>,
 ) -> Result<CellMeshes, Error> {
-    cell_meshes_for(evaluator, light, options, control)
+    Ok(cell_meshes_for(evaluator, light, options, control)?.0)
 }
 
+/// The meshes, and what kept their elements from being as small as was asked for.
+///
 /// * `driver` — the light that is meshed for.
 pub(crate) fn cell_meshes_for(
     evaluator: &Evaluator<'_>,
     driver: &dyn Light,
     options: &CellOptions,
     control: &Control<'_>,
-) -> Result<CellMeshes, Error> {
+) -> Result<(CellMeshes, Option<SizeLimit>), Error> {
     assert!(
         options.mesher != Mesher::Discontinuity,
         "the discontinuity mesh has no cells"
     );
     (control.progress)(Phase::Arrangement, 0.0);
     let scene = evaluator.scene();
-    let (mut size, goal) = start(scene, driver, options);
+    let (mut size, mut goal) = start(scene, driver, options);
+    let asked = n_asked(evaluator, driver, size, goal, options, control)?;
+    if asked > options.most_elements {
+        // Known before anything is made: there is no use in as many as are allowed.
+        (size, goal) = (StartSize::Share(COARSEST), CellGoal::Elements(asked));
+    }
     let mut receivers = receivers(evaluator, driver, size, options, control)?;
     if let (Mesher::Graded, CellSize::Elements(wanted), StartSize::Length(length)) =
         (options.mesher, options.size, &mut size)
@@ -380,13 +453,47 @@ pub(crate) fn cell_meshes_for(
         least_size: options.least_size,
         most_elements: options.most_elements,
     };
-    Ok(CellMeshes::solve(
-        receivers,
-        driver,
-        &direct,
-        &control.limits(),
-        &|_, done| (control.progress)(Phase::Irradiance, done),
-    ))
+    let meshes = CellMeshes::solve(receivers, driver, &direct, &control.limits(), &|_, done| {
+        (control.progress)(Phase::Irradiance, done);
+    });
+    let limit = match (size, goal) {
+        _ if asked > options.most_elements => Some(SizeLimit::MostElements {
+            asked,
+            most: options.most_elements,
+        }),
+        (StartSize::Length(length), _) => least_size_limit(scene, driver, length, options),
+        (_, CellGoal::Elements(_)) if meshes.ended() == CellEnded::LeastSizeReached => {
+            Some(SizeLimit::FewerElements {
+                asked,
+                made: meshes.n_elements(),
+                least: options.least_size,
+            })
+        }
+        _ => None,
+    };
+    Ok((meshes, limit))
+}
+
+/// Is the size that is asked for below the least one somewhere?
+fn least_size_limit(
+    scene: &Scene,
+    light: &dyn Light,
+    length: f64,
+    options: &CellOptions,
+) -> Option<SizeLimit> {
+    let lit = scene.face_ids().filter(|&f| light.reaches(f));
+    let least: Vec<f64> = lit
+        .map(|f| options.least_size * diagonal(&scene.loops_in_chart(f, &scene.chart(f))))
+        .collect();
+    let larger = least.iter().copied().filter(|&l| l > length);
+    let n_receivers = larger.clone().count();
+    (n_receivers > 0).then(|| SizeLimit::LeastSize {
+        asked: scene.frame.length_to_file(length),
+        made: scene.frame.length_to_file(larger.fold(0.0, f64::max)),
+        n_receivers,
+        n_lit: least.len(),
+        least: options.least_size,
+    })
 }
 
 /// Tries at a size for which a graded mesh has the number of elements that is wanted.
@@ -446,10 +553,7 @@ enum StartSize {
 fn start(scene: &Scene, light: &dyn Light, options: &CellOptions) -> (StartSize, CellGoal) {
     let lit = scene.face_ids().filter(|&f| light.reaches(f));
     let area: f64 = lit.map(|f| scene.face(f).area).sum();
-    let triangle = match options.shape {
-        CellShape::Triangles => 3f64.sqrt() / 4.0,
-        CellShape::Quadrilaterals | CellShape::Mixed => 1.0,
-    };
+    let triangle = unit_area(options.shape);
     let is_whole = options.refinement() == CellRefinement::Whole;
     match options.size {
         CellSize::Tolerance(tolerance) => {
@@ -472,6 +576,68 @@ fn start(scene: &Scene, light: &dyn Light, options: &CellOptions) -> (StartSize,
     }
 }
 
+/// The area of an element with edges of length 1.
+fn unit_area(shape: CellShape) -> f64 {
+    match shape {
+        CellShape::Triangles => 3f64.sqrt() / 4.0,
+        CellShape::Quadrilaterals | CellShape::Mixed => 1.0,
+    }
+}
+
+/// How many elements are asked for on receivers that light reaches, about; 0 if a tolerance
+/// is.
+fn n_asked(
+    evaluator: &Evaluator<'_>,
+    driver: &dyn Light,
+    size: StartSize,
+    goal: CellGoal,
+    options: &CellOptions,
+    control: &Control<'_>,
+) -> Result<usize, Error> {
+    let length = match (options.size, goal, size) {
+        (CellSize::Elements(n), ..) | (_, CellGoal::Elements(n), _) => return Ok(n),
+        (CellSize::Length(_), _, StartSize::Length(length)) => length,
+        _ => return Ok(0),
+    };
+    let n_uniform = n_of_size(evaluator.scene(), driver, length, options);
+    let most = options.most_elements as f64;
+    if options.mesher != Mesher::Graded
+        || n_uniform > most
+        || n_uniform * options.grading.powi(-2) <= most
+    {
+        return Ok(n_uniform as usize);
+    }
+    // How many elements grading adds is seen on a coarse mesh of the same grading.
+    let coarse = length * (n_uniform / COARSE_ELEMENTS).sqrt().max(1.0);
+    let size = StartSize::Length(coarse);
+    let receivers = receivers(evaluator, driver, size, options, control)?;
+    let lit = receivers.iter().filter(|r| driver.reaches(r.face));
+    let n: usize = lit.map(|r| r.forest.mesh().0.cells.len()).sum();
+    let finer = n_uniform / n_of_size(evaluator.scene(), driver, coarse, options);
+    Ok((n as f64 * finer) as usize)
+}
+
+/// Elements of the uniform mesh on which those of graded meshes are counted beforehand.
+const COARSE_ELEMENTS: f64 = 1000.0;
+
+/// How many elements of a size receivers that light reaches have, about; where the least
+/// size is larger, of that.
+fn n_of_size(scene: &Scene, light: &dyn Light, length: f64, options: &CellOptions) -> f64 {
+    let lit = scene.face_ids().filter(|&f| light.reaches(f));
+    lit.map(|f| {
+        let least = options.least_size * diagonal(&scene.loops_in_chart(f, &scene.chart(f)));
+        let length = length.max(least);
+        scene.face(f).area / (unit_area(options.shape) * length * length)
+    })
+    .sum()
+}
+
+/// Of the box around loops.
+fn diagonal(loops: &[Vec<DVec2>]) -> f64 {
+    let [min, max] = bounding_box(loops.iter().flatten().copied());
+    (max - min).length()
+}
+
 /// The cells of a receiver to begin with.
 fn forest(
     evaluator: &Evaluator<'_>,
@@ -484,13 +650,7 @@ fn forest(
 ) -> Result<CellForest, MeshError> {
     let scene = evaluator.scene();
     let border = scene.loops_in_chart(face, chart);
-    let (min, max) = border
-        .iter()
-        .flatten()
-        .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(min, max), &p| {
-            (min.min(p), max.max(p))
-        });
-    let diagonal = (max - min).length();
+    let diagonal = diagonal(&border);
     let is_lit = light.reaches(face);
     let size = match size {
         // Where no light falls, one size is as good as any other.
@@ -554,12 +714,8 @@ impl Near {
 
     /// From a point of the receiver to the nearest of all.
     fn distance(&self, uv: DVec2) -> f64 {
-        let to_segments = self.segments.iter().map(|&[a, b]| {
-            let d = b - a;
-            let length_sq = d.length_squared().max(f64::MIN_POSITIVE);
-            let at = (d.dot(uv - a) / length_sq).clamp(0.0, 1.0);
-            (a + d * at).distance(uv)
-        });
+        let segments = self.segments.iter();
+        let to_segments = segments.map(|&ends| distance_to_segment(ends, uv));
         let point = self.chart.to_space(uv);
         let to_emitters = self.emitters.iter().map(|e| distance_to_convex(e, point));
         to_segments.chain(to_emitters).fold(f64::INFINITY, f64::min)
@@ -578,11 +734,6 @@ fn distance_to_convex(corners: &[DVec3], point: DVec3) -> f64 {
         return normal.dot(point - corners[0]).abs();
     }
     (0..n)
-        .map(|i| {
-            let (a, d) = (corners[i], corners[(i + 1) % n] - corners[i]);
-            let length_sq = d.length_squared().max(f64::MIN_POSITIVE);
-            let at = (d.dot(point - a) / length_sq).clamp(0.0, 1.0);
-            (a + d * at).distance(point)
-        })
+        .map(|i| distance_to_segment_in_space([corners[i], corners[(i + 1) % n]], point))
         .fold(f64::INFINITY, f64::min)
 }

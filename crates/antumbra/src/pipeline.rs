@@ -3,8 +3,7 @@
 use crate::demand::{Candidate, Choice, worth_a_line};
 use crate::light::ExactLight;
 use crate::plan::{Plan, Quantity};
-use antumbra_geom::Chart;
-use antumbra_geom::Stop;
+use antumbra_geom::{Chart, Stop, bounding_box};
 use antumbra_mesh::{ArrangementOptions, MeshError, Order, TaggedCurve, TriMesh, arrange_until};
 use antumbra_scene::{Aabb, FaceId, Scene};
 use antumbra_solver::{
@@ -984,10 +983,7 @@ type MeshWithOrders<'a> = (&'a TriMesh, usize);
 pub(crate) fn contact_radius(scene: &Scene, face: FaceId) -> f64 {
     let chart = scene.chart(face);
     let corners = scene.loops_in_chart(face, &chart);
-    let (min, max) = corners.iter().flatten().fold(
-        (glam::DVec2::INFINITY, glam::DVec2::NEG_INFINITY),
-        |(min, max), &p| (min.min(p), max.max(p)),
-    );
+    let [min, max] = bounding_box(corners.iter().flatten().copied());
     4.0 * (max - min).max_element() * PIXEL
 }
 

@@ -145,36 +145,38 @@ pub(crate) struct Reference {
 const HIDDEN: f64 = 1e-9;
 
 impl Reference {
+    /// Nothing if it was stopped.
     fn new(
         evaluator: &Evaluator<'_>,
         light: &ExactLight<'_, '_>,
         driver: &dyn Light,
         n: u32,
         meter: &Meter<'_>,
-    ) -> Self {
+        stop: Stop<'_>,
+    ) -> Option<Self> {
         let scene = evaluator.scene();
         let lit = |face| driver.reaches(face);
         let places = values::random_places(scene, n, &lit);
         let start = (meter.clock)();
         let n_emitters = evaluator.emitters().len();
-        let values: Vec<f64> = places
-            .par_iter()
-            .flat_map_iter(|place| one_value(driver, place, scene.n_bands))
-            .collect();
+        let values = all_values(driver, &places, stop)?;
         let seconds = ((meter.clock)() - start) / places.len().max(1) as f64;
         let is_penumbra: Vec<bool> = places
             .par_iter()
             .map_init(
                 || (Scratch::default(), vec![0.0; n_emitters]),
                 |(scratch, factors), place| {
+                    if stop.is_wanted() {
+                        return None;
+                    }
                     let view = light.view(place.face);
                     evaluator.factors(view, place.point, None, scratch, factors);
                     let seen: f64 = factors.iter().sum();
                     let all = scratch.unoccluded;
-                    seen > HIDDEN * all && seen < (1.0 - HIDDEN) * all
+                    Some(seen > HIDDEN * all && seen < (1.0 - HIDDEN) * all)
                 },
             )
-            .collect();
+            .collect::<Option<_>>()?;
         let n_bands = scene.n_bands;
         let mut peak = vec![0.0f64; n_bands];
         for bands in values.chunks_exact(n_bands.max(1)) {
@@ -182,27 +184,35 @@ impl Reference {
                 *peak = peak.max(v);
             }
         }
-        Self {
+        Some(Self {
             places,
             values,
             is_penumbra,
             peak,
             seconds,
-        }
+        })
     }
 
-    /// The error at every place, of the worst band, relative to its peak. A place in no
-    /// element errs by all that it lacks.
-    fn errors_of(&self, mesh: &dyn Sampled) -> Vec<f64> {
+    /// The error at every place, of the worst band, relative to its peak; nothing if it was
+    /// stopped. A place in no element errs by all that it lacks.
+    fn errors_of(&self, mesh: &dyn Sampled, stop: Stop<'_>) -> Option<Vec<f64>> {
         let n_bands = self.peak.len().max(1);
         self.places
             .par_iter()
             .zip(self.values.par_chunks(n_bands))
             .map(|(place, exact)| {
+                if stop.is_wanted() {
+                    return None;
+                }
                 let found = value_at(mesh, place);
-                worst_band(found.as_deref(), exact, &self.peak)
+                Some(worst_band(found.as_deref(), exact, &self.peak))
             })
             .collect()
+    }
+
+    /// The errors of a mesh at all places; nothing if it was stopped.
+    fn summary_of(&self, mesh: &dyn Sampled, stop: Stop<'_>) -> Option<Errors> {
+        Some(self.summarise(&self.errors_of(mesh, stop)?))
     }
 
     fn summarise(&self, errors: &[f64]) -> Errors {
@@ -227,15 +237,35 @@ impl Reference {
     }
 }
 
-/// The bands of a light at one place.
-fn one_value(driver: &dyn Light, place: &Place, n_bands: usize) -> Vec<f64> {
+/// The bands of a light at one place; nothing if it was stopped.
+fn one_value(driver: &dyn Light, place: &Place, stop: Stop<'_>) -> Option<Vec<f64>> {
+    if stop.is_wanted() {
+        return None;
+    }
     let sample = Sample {
         point: place.point,
         toward: None,
     };
-    let found = driver.irradiance(place.face, &[sample], 0.0, Stop::NEVER);
-    found.unwrap_or_else(|| vec![0.0; n_bands])
+    driver.irradiance(place.face, &[sample], 0.0, stop)
 }
+
+/// The bands of a light at all places; nothing if it was stopped.
+fn all_values(driver: &dyn Light, places: &[Place], stop: Stop<'_>) -> Option<Vec<f64>> {
+    let values: Option<Vec<Vec<f64>>> = places
+        .par_chunks(PLACES)
+        .map(|places| {
+            let mut values = Vec::with_capacity(places.len() * driver.n_bands());
+            for place in places {
+                values.extend(one_value(driver, place, stop)?);
+            }
+            Some(values)
+        })
+        .collect();
+    Some(values?.concat())
+}
+
+/// Places that are evaluated together: few, for gathering at one takes long.
+const PLACES: usize = 4;
 
 /// The difference of the worst band, relative to its peak.
 fn worst_band(found: Option<&[f64]>, exact: &[f64], peak: &[f64]) -> f64 {
@@ -322,8 +352,11 @@ impl Runner<'_> {
             "the study was stopped".clone_into(&mut self.series.ended);
             return Ok(false);
         }
-        let errors = study.reference.errors_of(mesh.as_ref());
-        let error = study.reference.summarise(&errors);
+        let stop = Stop::new(control.should_stop);
+        let Some(error) = study.reference.summary_of(mesh.as_ref(), stop) else {
+            "the study was stopped".clone_into(&mut self.series.ended);
+            return Ok(false);
+        };
         self.maps.push(study.canvas.map(mesh.as_ref()));
         let last = times.iter().copied().fold(f64::INFINITY, f64::min);
         self.series.runs.push(Run {
@@ -391,7 +424,10 @@ impl Subject<'_> {
     ) -> Result<CellSolution, Error> {
         match self.total {
             None => Ok(mesh_cells(self.scene, options, control)?.direct),
-            Some(t) => Ok(cell_meshes_for(t.evaluator, &t.driver, options, control)?.finish()),
+            Some(t) => {
+                let (meshes, _) = cell_meshes_for(t.evaluator, &t.driver, options, control)?;
+                Ok(meshes.finish())
+            }
         }
     }
 }
@@ -439,21 +475,20 @@ pub fn study(
         gatherer: solved.radiosity.gatherer(&evaluator, stop),
     });
     if of_fine.gatherer.is_none() || of_coarse.gatherer.is_none() {
-        let stopped = (control.should_stop)();
-        return Ok(Study {
-            quantity: "irradiance with interreflection".into(),
-            version: env!("CARGO_PKG_VERSION").into(),
-            target: options.target,
-            advice: if stopped {
+        return Ok(nothing(
+            TOTAL,
+            options,
+            if (control.should_stop)() {
                 "The study was stopped before interreflection was solved: nothing was measured."
-                    .into()
             } else {
-                "There is no room to solve for interreflection: nothing was measured.".into()
+                "There is no room to solve for interreflection: nothing was measured."
             },
-            ..Study::default()
-        });
+        ));
     }
-    let known = uncertainty(scene, [&of_fine, &of_coarse], solutions_notes(&solutions));
+    let notes = solutions_notes(&solutions);
+    let Some(known) = uncertainty(scene, [&of_fine, &of_coarse], notes, stop) else {
+        return Ok(nothing(TOTAL, options, NO_REFERENCE));
+    };
     let total = Total {
         evaluator: &evaluator,
         light: &light,
@@ -479,6 +514,21 @@ pub fn study(
         control,
     )
 }
+
+/// A study without any run.
+fn nothing(quantity: &str, options: &StudyOptions, why: &str) -> Study {
+    Study {
+        quantity: quantity.into(),
+        version: env!("CARGO_PKG_VERSION").into(),
+        target: options.target,
+        advice: why.into(),
+        ..Study::default()
+    }
+}
+
+/// Why there is none.
+const NO_REFERENCE: &str =
+    "The study was stopped before the values of reference were known: nothing was measured.";
 
 /// What is known of the values of reference.
 #[derive(Debug, Default)]
@@ -524,22 +574,22 @@ fn solutions_notes([fine, coarse]: &[Solved; 2]) -> Vec<String> {
     ]
 }
 
-/// How far two solutions are apart, relative to the peak.
-fn uncertainty(scene: &Scene, [fine, coarse]: [&TotalLight<'_>; 2], notes: Vec<String>) -> Known {
+/// How far two solutions are apart, relative to the peak; nothing if it was stopped.
+fn uncertainty(
+    scene: &Scene,
+    [fine, coarse]: [&TotalLight<'_>; 2],
+    notes: Vec<String>,
+    stop: Stop<'_>,
+) -> Option<Known> {
     let places = values::random_places(scene, 200, &|_| true);
-    let values = |light: &TotalLight<'_>| -> Vec<f64> {
-        places
-            .par_iter()
-            .flat_map_iter(|p| one_value(light, p, scene.n_bands))
-            .collect()
-    };
-    let (a, b) = (values(fine), values(coarse));
+    let a = all_values(fine, &places, stop)?;
+    let b = all_values(coarse, &places, stop)?;
     let peak = a.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let apart = a.iter().zip(&b).map(|(a, b)| (a - b).abs());
-    Known {
+    Some(Known {
         uncertainty: Some(apart.fold(0.0, f64::max) / peak),
         notes,
-    }
+    })
 }
 
 /// Studies a light: `driver` is what is meshed, `light` its direct part.
@@ -554,8 +604,21 @@ fn study_of(
     control: &Control<'_>,
 ) -> Result<Study, Error> {
     let scene = subject.scene;
-    let reference = Reference::new(evaluator, light, driver, options.n_points, meter);
-    let canvas = maps::Canvas::new(driver, scene, &reference, options.map_pixels);
+    let quantity = if subject.total.is_some() {
+        TOTAL
+    } else {
+        DIRECT
+    };
+    let stop = Stop::new(control.should_stop);
+    let n = options.n_points;
+    let reference = Reference::new(evaluator, light, driver, n, meter, stop);
+    let found = reference.and_then(|reference| {
+        let canvas = maps::Canvas::new(driver, scene, &reference, options.map_pixels, stop)?;
+        Some((reference, canvas))
+    });
+    let Some((reference, canvas)) = found else {
+        return Ok(nothing(quantity, options, NO_REFERENCE));
+    };
     let setting = Setting {
         scene,
         options,
@@ -582,11 +645,7 @@ fn study_of(
     let runs_seconds = (meter.clock)() - start;
     let mut study = Study {
         target: options.target,
-        quantity: if subject.total.is_some() {
-            "irradiance with interreflection".into()
-        } else {
-            DIRECT.into()
-        },
+        quantity: quantity.into(),
         unit: scene.quantity.irradiance_unit().into(),
         version: env!("CARGO_PKG_VERSION").into(),
         peak: reference.peak.iter().copied().fold(0.0, f64::max),
@@ -665,6 +724,9 @@ fn study_of(
 
 /// What is studied by default.
 const DIRECT: &str = "direct irradiance";
+
+/// What is studied with `--interreflection`.
+const TOTAL: &str = "irradiance with interreflection";
 
 /// What exact values may be off by, relative to the peak (`docs/numerics.md`).
 const ROUNDING: f64 = 1e-13;

@@ -157,7 +157,8 @@ pub(crate) struct Meshing {
     /// refinement follows the error, as many as the uniform mesh of this size has.
     #[arg(long, value_name = "LENGTH", value_parser = positive, conflicts_with_all = ["elements", "tolerance_abs"], help_heading = "Other mesh generators")]
     pub(crate) element_size: Option<f64>,
-    /// About so many elements on surfaces that light reaches, instead of a tolerance.
+    /// About so many elements on surfaces that light reaches, instead of a tolerance; more
+    /// than a million are not made.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000_000), conflicts_with = "tolerance_abs", help_heading = "Other mesh generators")]
     pub(crate) elements: Option<u64>,
     /// Elements are not made smaller than this fraction of their surface's diagonal

@@ -3,11 +3,12 @@
 use crate::input::Loaded;
 use crate::progress::peak_memory;
 use crate::report::{
-    Stop, bands, interreflection, interreflection_summary, measured, stopped, words,
+    Stop, SurfaceRow, bands, interreflection, interreflection_summary, measured, stopped,
+    unresolved_share,
 };
 use antumbra::{
     CellEnded, CellOptions, CellSize, CellSolution, DirectMesh, Mesher, Progress,
-    RadiositySolution, Reached, Scene, Tolerance,
+    RadiositySolution, Reached, Scene, SizeLimit, Tolerance,
 };
 use serde_json::{Map, Value, json};
 
@@ -15,6 +16,7 @@ use serde_json::{Map, Value, json};
 pub(crate) struct CellOutcome<'a> {
     pub(crate) meshes: &'a CellSolution,
     pub(crate) mesher: Mesher,
+    pub(crate) limit: Option<&'a SizeLimit>,
     pub(crate) radiosity: Option<&'a RadiositySolution>,
 }
 
@@ -55,6 +57,15 @@ pub(crate) fn document(
         let cells = r.mesh.cells.iter();
         cells.filter(|c| c.is_quadrilateral()).count()
     };
+    let warnings = loaded.warnings.iter().map(|w| w.message.clone());
+    let limit = result.limit.map(|limit| limit_message(scene, limit));
+    let quality = antumbra::quality(scene, meshes);
+    // Rounding may call a square better than the best; where nothing is, nothing is bad.
+    let worst_quality = if n_elements > 0 {
+        quality.min.min(1.0)
+    } else {
+        1.0
+    };
     let n_quads: usize = receivers.iter().map(|r| is_quad(&r)).sum();
     let node_evaluations: u64 = receivers.iter().map(|r| r.node_evaluations).sum();
     let mut document = json!({
@@ -84,14 +95,14 @@ pub(crate) fn document(
         "elements_above_tolerance": receivers.iter().map(|r| r.n_above).sum::<usize>(),
         "unresolved_elements": receivers.iter().map(|r| r.unresolved.len()).sum::<usize>(),
         "unresolved_area_fraction": unresolved_area(meshes),
-        "worst_shape_quality": worst_quality(meshes),
-        "quality": antumbra::quality(scene, meshes),
+        "worst_shape_quality": worst_quality,
+        "quality": quality,
         "peak_irradiance": bands(&meshes.peak),
         "per_surface": per_surface(scene, meshes),
         "seconds": seconds,
         "peak_memory_bytes": peak_memory(),
         "threads": rayon::current_num_threads(),
-        "warnings": loaded.warnings.iter().map(|w| w.message.clone()).chain(loaded.notes.iter().cloned()).collect::<Vec<_>>(),
+        "warnings": warnings.chain(loaded.notes.iter().cloned()).chain(limit).collect::<Vec<_>>(),
     });
     if let Some(object) = document.as_object_mut() {
         let progress: Vec<Progress> = receivers.iter().map(|r| r.progress).collect();
@@ -108,6 +119,15 @@ pub(crate) fn document(
     document
 }
 
+/// Why elements are not as small as was asked for, and the option that can change it.
+fn limit_message(scene: &Scene, limit: &SizeLimit) -> String {
+    let option = match limit {
+        SizeLimit::MostElements { .. } => "",
+        SizeLimit::LeastSize { .. } | SizeLimit::FewerElements { .. } => " (--least-size)",
+    };
+    format!("{}{option}", limit.message(scene.length_unit.symbol()))
+}
+
 fn ended(ended: CellEnded) -> &'static str {
     match ended {
         CellEnded::ToleranceReached => "tolerance reached",
@@ -121,52 +141,32 @@ fn ended(ended: CellEnded) -> &'static str {
 }
 
 fn unresolved_area(meshes: &CellSolution) -> f64 {
-    let (mut unresolved, mut total) = (0.0, 0.0);
-    for receiver in &meshes.receivers {
-        total += receiver.mesh.total_area();
-        let areas = receiver.unresolved.iter();
-        unresolved += areas.map(|&c| receiver.mesh.area(c as usize)).sum::<f64>();
-    }
-    if total > 0.0 { unresolved / total } else { 0.0 }
-}
-
-fn worst_quality(meshes: &CellSolution) -> f64 {
-    let qualities = meshes
-        .receivers
-        .iter()
-        .flat_map(|r| (0..r.n_elements()).map(|c| r.mesh.quality(c)));
-    qualities.fold(1.0, f64::min)
+    unresolved_share(meshes.receivers.iter().map(|receiver| {
+        let unresolved = receiver.unresolved.iter();
+        let areas = unresolved.map(|&c| receiver.mesh.area(c as usize));
+        [areas.sum(), receiver.mesh.total_area()]
+    }))
 }
 
 fn per_surface(scene: &Scene, meshes: &CellSolution) -> Value {
-    let rows: Vec<Value> = meshes
-        .receivers
-        .iter()
-        .map(|mesh| {
-            let surface = scene.surface_of(mesh.face);
-            let mut row = json!({
-                "surface": surface.name,
-                "part": mesh.face.0 - surface.faces.start,
-                "back": scene.face(mesh.face).is_back,
-                "elements": mesh.n_elements(),
-                "nodes": mesh.nodes.len(),
-                "t_vertices": mesh.mesh.n_t_vertices(),
-                "exact_evaluations": mesh.exact_evaluations(),
-                "max_error": mesh.max_error(),
-                "unresolved_elements": mesh.unresolved.len(),
-            });
-            if let (true, Some(object)) = (mesh.progress != Progress::Finished, row.as_object_mut())
-            {
-                object.insert("progress".into(), json!(words(mesh.progress)));
-            }
-            row
-        })
-        .collect();
-    json!(rows)
+    let rows = meshes.receivers.iter();
+    rows.map(|mesh| {
+        let row = SurfaceRow {
+            face: mesh.face,
+            elements: mesh.n_elements(),
+            nodes: mesh.nodes.len(),
+            exact_evaluations: mesh.exact_evaluations(),
+            max_error: mesh.max_error(),
+            unresolved_elements: mesh.unresolved.len(),
+            progress: mesh.progress,
+        };
+        row.with(scene, "t_vertices", mesh.mesh.n_t_vertices())
+    })
+    .collect()
 }
 
 /// A few lines for people.
-pub(crate) fn summary(report: &Value, result: &CellOutcome<'_>) -> String {
+pub(crate) fn summary(scene: &Scene, report: &Value, result: &CellOutcome<'_>) -> String {
     let allowed = match report["tolerance"].as_f64() {
         Some(t) => format!("allowed {t}"),
         None => "no tolerance was asked for".to_owned(),
@@ -191,6 +191,9 @@ pub(crate) fn summary(report: &Value, result: &CellOutcome<'_>) -> String {
         report["check_evaluations"],
         report["seconds"]["total"].as_f64().unwrap_or(0.0),
     );
+    if let Some(limit) = result.limit {
+        text.push_str(&format!("\nwarning: {}", limit_message(scene, limit)));
+    }
     if let Some(by) = report["stopped"]["by"].as_str() {
         text.push_str(&format!("\nstopped by {by}: the result is partial"));
     }

@@ -10,8 +10,9 @@ use serde_json::{Value, json};
 
 pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
     let common = &check.common;
-    let input = input::read(common)?;
-    match Scene::build(&input) {
+    let mut input = input::read_file(common)?;
+    let built = input::weld(&mut input, common).and_then(|()| Scene::build(&input));
+    match built {
         Ok(built) => {
             let report = built.scene.report();
             let open_rooms = built.scene.open_rooms();

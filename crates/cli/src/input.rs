@@ -18,15 +18,24 @@ pub(crate) struct Loaded {
 /// its content.
 pub(crate) fn read(common: &Common) -> Result<antumbra::SceneInput, Failure> {
     let mut input = read_file(common)?;
-    if let Some(length) = common.weld {
-        input.weld(length).map_err(|problem| {
-            Failure::not_acceptable(refusal(&common.scene, &[*problem], common))
-        })?;
-    }
+    weld(&mut input, common)
+        .map_err(|problems| Failure::not_acceptable(refusal(&common.scene, &problems, common)))?;
     Ok(input)
 }
 
-fn read_file(common: &Common) -> Result<antumbra::SceneInput, Failure> {
+/// Welds if that is asked for; what is refused stays as it was.
+pub(crate) fn weld(input: &mut antumbra::SceneInput, common: &Common) -> Result<(), Vec<Problem>> {
+    match common.weld {
+        None => Ok(()),
+        Some(length) => input
+            .weld(length)
+            .map(|_| ())
+            .map_err(|problem| vec![*problem]),
+    }
+}
+
+/// Reads a scene file by its extension, without checking its content.
+pub(crate) fn read_file(common: &Common) -> Result<antumbra::SceneInput, Failure> {
     let path = &common.scene;
     let extension = path
         .extension()

@@ -55,11 +55,13 @@ impl Done {
             Self::CellsMeshed(m) => Report::Cells(CellOutcome {
                 meshes: &m.direct,
                 mesher: m.mesher,
+                limit: m.limit.as_ref(),
                 radiosity: None,
             }),
             Self::CellsSolved(s) => Report::Cells(CellOutcome {
                 meshes: &s.cells,
                 mesher: s.mesher,
+                limit: s.limit.as_ref(),
                 radiosity: Some(&s.patches.radiosity),
             }),
         }
@@ -129,7 +131,7 @@ pub(crate) fn run(mesh: &Mesh, work: Work) -> Result<Ending, Failure> {
         }
         (Report::Cells(result), Generator::Cells(options)) => {
             let document = cell_report::document(&loaded, options, &result, &phases, total, stop);
-            let summary = cell_report::summary(&document, &result);
+            let summary = cell_report::summary(&loaded.scene, &document, &result);
             (document, summary)
         }
         _ => return Err(Failure::internal("the report is of another mesh generator")),

@@ -128,7 +128,8 @@ fn watch(started: Instant, budget: Option<f64>, max_memory: Option<u64>) {
 fn end_without_result(reason: u8) {
     let (ending, why) = WHY[usize::from(reason)];
     eprintln!("antumbra: stopped by {why} before there was anything to write");
-    std::process::exit(i32::from(ending.exit_code()));
+    // Outputs are tried before the scene is read: that leaves no file either.
+    output::remove_temporaries(|| std::process::exit(i32::from(ending.exit_code())));
 }
 
 /// Is there room for so many bytes more?

@@ -3,6 +3,7 @@
 use crate::input::Loaded;
 use crate::plan;
 use crate::progress::peak_memory;
+use antumbra::scene::FaceId;
 use antumbra::{
     DirectSolution, Ended, EventCounts, EventKind, Improvement, Mesher, Phase, Plan, Progress,
     RadiositySolution, Reached, ReceiverCurves, Scene, Tolerance, order_key,
@@ -253,15 +254,17 @@ pub(crate) fn bands(values: &[f64]) -> Value {
 }
 
 fn unresolved_area(meshes: &DirectSolution) -> f64 {
-    let (mut unresolved, mut total) = (0.0, 0.0);
-    for receiver in &meshes.receivers {
-        total += receiver.mesh.total_area();
-        unresolved += receiver
-            .unresolved
-            .iter()
-            .map(|&t| receiver.mesh.area(t))
-            .sum::<f64>();
-    }
+    unresolved_share(meshes.receivers.iter().map(|receiver| {
+        let areas = receiver.unresolved.iter().map(|&t| receiver.mesh.area(t));
+        [areas.sum(), receiver.mesh.total_area()]
+    }))
+}
+
+/// The share of the area whose elements are unresolved; of every receiver theirs, and all.
+pub(crate) fn unresolved_share(areas: impl Iterator<Item = [f64; 2]>) -> f64 {
+    let [unresolved, total] = areas.fold([0.0, 0.0], |[u, t], [unresolved, total]| {
+        [u + unresolved, t + total]
+    });
     if total > 0.0 { unresolved / total } else { 0.0 }
 }
 
@@ -284,33 +287,53 @@ pub(crate) fn counts(by_kind: &[u64; 6]) -> Value {
 }
 
 fn per_surface(scene: &Scene, result: &Outcome<'_>) -> Value {
-    let rows: Vec<Value> = result
-        .meshes
-        .receivers
-        .iter()
-        .zip(result.curves)
-        .map(|(mesh, curves)| {
-            let face = scene.face(mesh.face);
-            let surface = scene.surface_of(mesh.face);
-            let mut row = json!({
-                "surface": surface.name,
-                "part": mesh.face.0 - surface.faces.start,
-                "back": face.is_back,
-                "elements": mesh.n_elements(),
-                "nodes": mesh.nodes.len(),
-                "exact_evaluations": mesh.exact_evaluations,
-                "curves": curves.critical.len(),
-                "max_error": mesh.max_error(),
-                "unresolved_elements": mesh.unresolved.len(),
-            });
-            if let (true, Some(object)) = (mesh.progress != Progress::Finished, row.as_object_mut())
-            {
-                object.insert("progress".into(), json!(words(mesh.progress)));
-            }
-            row
-        })
-        .collect();
-    json!(rows)
+    let rows = result.meshes.receivers.iter().zip(result.curves);
+    rows.map(|(mesh, curves)| {
+        let row = SurfaceRow {
+            face: mesh.face,
+            elements: mesh.n_elements(),
+            nodes: mesh.nodes.len(),
+            exact_evaluations: mesh.exact_evaluations,
+            max_error: mesh.max_error(),
+            unresolved_elements: mesh.unresolved.len(),
+            progress: mesh.progress,
+        };
+        row.with(scene, "curves", curves.critical.len())
+    })
+    .collect()
+}
+
+/// What is told of the mesh of a surface, whatever generated it.
+pub(crate) struct SurfaceRow {
+    pub(crate) face: FaceId,
+    pub(crate) elements: usize,
+    pub(crate) nodes: usize,
+    pub(crate) exact_evaluations: u64,
+    pub(crate) max_error: f64,
+    pub(crate) unresolved_elements: usize,
+    pub(crate) progress: Progress,
+}
+
+impl SurfaceRow {
+    /// The row with a number that only its generator has.
+    pub(crate) fn with(&self, scene: &Scene, key: &str, number: usize) -> Value {
+        let surface = scene.surface_of(self.face);
+        let mut row = json!({
+            "surface": surface.name,
+            "part": self.face.0 - surface.faces.start,
+            "back": scene.face(self.face).is_back,
+            "elements": self.elements,
+            "nodes": self.nodes,
+            "exact_evaluations": self.exact_evaluations,
+            "max_error": self.max_error,
+            "unresolved_elements": self.unresolved_elements,
+            key: number,
+        });
+        if let (true, Some(object)) = (self.progress != Progress::Finished, row.as_object_mut()) {
+            object.insert("progress".into(), json!(words(self.progress)));
+        }
+        row
+    }
 }
 
 /// A few lines for people.

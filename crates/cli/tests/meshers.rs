@@ -139,3 +139,91 @@ fn a_tolerance_that_cells_do_not_reach_ends_in_exit_code_5() {
     assert_eq!(report["tolerance_reached"], false);
     assert_ne!(report["unresolved_elements"], 0);
 }
+
+#[test]
+fn sizes_below_the_least_one_are_told() {
+    let scene = fixture("basic/unoccluded.json");
+    let mesh = |words: &[&str]| {
+        run(antumbra()
+            .args(["mesh", "--json", "--quiet", "--degree", "1"])
+            .args(words)
+            .arg(&scene))
+    };
+    let told = |report: &serde_json::Value| -> Vec<String> {
+        let warnings = report["warnings"].as_array().unwrap().iter();
+        let texts = warnings.map(|w| w.as_str().unwrap().to_owned());
+        texts.filter(|w| w.contains("asked for")).collect()
+    };
+    for mesher in ["uniform", "graded"] {
+        for size in [["--element-size", "1e-4"], ["--elements", "100000"]] {
+            let limit = ["--mesher", mesher, "--least-size", "0.05"];
+            let ended = mesh(&[&limit[..], &size[..]].concat());
+            assert_eq!(ended.code(), Some(0), "{}", ended.stderr);
+            let told = told(&ended.json());
+            assert_eq!(told.len(), 1, "{mesher} {size:?}");
+            assert!(
+                told[0].contains("on 1 of 1 surfaces")
+                    && told[0].contains("smaller than 0.05 of its surface's diagonal")
+                    && told[0].ends_with("(--least-size)"),
+                "{}",
+                told[0]
+            );
+        }
+    }
+    // Who follows the error has fewer elements than were asked for.
+    let ended = mesh(&[
+        "--mesher",
+        "restricted",
+        "--elements",
+        "5000",
+        "--least-size",
+        "0.1",
+    ]);
+    assert_eq!(ended.code(), Some(5), "{}", ended.stderr);
+    let report = ended.json();
+    let elements = report["elements"].as_u64().unwrap();
+    assert!(elements < 5000);
+    assert!(told(&report)[0].starts_with("about 5000 elements are asked for and "));
+    // Sizes that are made are not talked about.
+    let ended = mesh(&["--mesher", "uniform", "--elements", "100"]);
+    assert!(told(&ended.json()).is_empty());
+
+    // The same in words.
+    let folder = folder("least-size");
+    let ended = run(antumbra()
+        .args(["mesh", "--mesher", "uniform", "--element-size", "1e-4"])
+        .args(["--least-size", "0.05", "--degree", "1"])
+        .arg(&scene)
+        .arg("-o")
+        .arg(folder.join("m.json")));
+    assert_eq!(ended.code(), Some(0), "{}", ended.stderr);
+    let warnings = ended
+        .stdout
+        .matches("\nwarning: what is asked for takes")
+        .count();
+    assert_eq!(warnings, 1, "{}", ended.stdout);
+}
+
+#[test]
+fn more_elements_than_are_allowed_end_before_they_are_made() {
+    // 100 million elements would take hours, and all memory.
+    for mesher in ["uniform", "graded", "restricted", "adaptive"] {
+        for size in [["--elements", "100000000"], ["--element-size", "1e-5"]] {
+            let ended = run(antumbra()
+                .args(["mesh", "--json", "--quiet", "--degree", "1"])
+                .args(["--mesher", mesher, "--least-size", "1e-7"])
+                .args(size)
+                .arg(fixture("basic/unoccluded.json")));
+            assert_eq!(ended.code(), Some(5), "{mesher}: {}", ended.stderr);
+            let report = ended.json();
+            assert_eq!(report["ended"], "limit on elements reached");
+            assert!(report["elements"].as_u64() < Some(20_000));
+            let warnings = report["warnings"].as_array().unwrap();
+            let told = warnings.last().unwrap().as_str().unwrap();
+            assert!(
+                told.contains("elements are asked for and 1000000 are allowed"),
+                "{told}"
+            );
+        }
+    }
+}

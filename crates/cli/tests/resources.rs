@@ -128,6 +128,24 @@ fn budget_in_which_the_scene_cannot_be_read_leaves_no_file() {
 }
 
 #[test]
+fn budget_that_ends_while_outputs_are_tried_leaves_no_half_written_file() {
+    // Some of these end in the middle of trying so many.
+    for budget in ["0.01", "0.02", "0.03", "0.04", "0.05", "0.06"] {
+        let folder = folder("trying");
+        let mut command = antumbra();
+        command
+            .args(["mesh", "--quiet", "--budget", budget])
+            .arg(fixture("basic/tilted-triangle.json"));
+        for k in 0..1000 {
+            command.arg("-o").arg(folder.join(format!("{k}.svg")));
+        }
+        let ended = run(&mut command);
+        assert!(matches!(ended.code(), Some(0 | 6)), "{}", ended.stderr);
+        assert!(names_in(&folder).iter().all(|name| !name.contains(".part")));
+    }
+}
+
+#[test]
 #[cfg(target_os = "linux")]
 fn memory_stays_below_its_limit() {
     let folder = folder("memory");

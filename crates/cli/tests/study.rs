@@ -107,6 +107,23 @@ fn a_dark_scene_is_studied_too() {
 }
 
 #[test]
+fn a_budget_ends_the_comparison_too() {
+    let folder = folder("study-budget");
+    let page = folder.join("s.html");
+    // Exact values at so many points take minutes.
+    let ended = run(antumbra()
+        .args(["study", "--json", "--quiet", "--budget", "2"])
+        .args(["--points", "3000000", "--meshers", "uniform"])
+        .arg(fixture("eee/boxes-64.json"))
+        .arg("-o")
+        .arg(&page));
+    assert_eq!(ended.code(), Some(6), "{}", ended.stderr);
+    let advice = ended.json()["advice"].as_str().unwrap().to_owned();
+    assert!(advice.ends_with("nothing was measured."), "{advice}");
+    assert_eq!(names_in(&folder), ["s.html"]);
+}
+
+#[test]
 fn wrong_words_are_refused_before_any_work() {
     for (words, said) in [
         (

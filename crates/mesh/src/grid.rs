@@ -3,6 +3,7 @@
 //! The grid only proposes candidates, so it may compute in floating point: it
 //! visits at least the cells it has to.
 
+use antumbra_geom::bounding_box;
 use glam::DVec2;
 
 /// Things (numbered from zero) in square cells.
@@ -40,11 +41,7 @@ impl Grid {
         n: usize,
         cells_of: impl Fn(&Self, usize, &mut dyn FnMut(usize)),
     ) -> Self {
-        let (mut min, mut max) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        for p in corners {
-            min = min.min(p);
-            max = max.max(p);
-        }
+        let [mut min, mut max] = bounding_box(corners);
         if min.x > max.x {
             (min, max) = (DVec2::ZERO, DVec2::ZERO);
         }

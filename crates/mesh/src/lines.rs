@@ -9,7 +9,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::f64::consts::PI;
 
-use antumbra_geom::Stop;
+use antumbra_geom::{Stop, bounding_box};
 use glam::{DVec2, dvec2};
 use smallvec::SmallVec;
 
@@ -272,11 +272,7 @@ struct LineCells {
 
 impl LineCells {
     fn new(nodes: &[Node], tolerance: f64) -> Self {
-        let (mut min, mut max) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        for n in nodes {
-            min = min.min(n.position);
-            max = max.max(n.position);
-        }
+        let [min, max] = bounding_box(nodes.iter().map(|n| n.position));
         // Over the radius, one cell of angle is one `width` of distance.
         let width = 4.0 * tolerance.max(0.25);
         let radius = ((max - min).length() / 2.0).max(1.0);

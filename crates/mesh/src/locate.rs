@@ -1,5 +1,6 @@
 //! Which triangle a point is in.
 
+use antumbra_geom::bounding_box;
 use glam::{DVec2, dvec2};
 
 use crate::grid::Grid;
@@ -20,11 +21,7 @@ impl Locator {
     /// billionth of the mesh's extent, or eight pixels of its arrangement.
     #[must_use]
     pub fn new(mesh: &TriMesh) -> Self {
-        let (mut min, mut max) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        for &p in &mesh.vertices {
-            min = min.min(p);
-            max = max.max(p);
-        }
+        let [min, max] = bounding_box(mesh.vertices.iter().copied());
         let extent = (max - min).max_element().max(0.0);
         Self::with_slack(mesh, (8.0 * mesh.pixel()).max(1e-9 * extent))
     }

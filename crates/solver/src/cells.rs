@@ -18,7 +18,7 @@ pub use mesh::{CellReceiverMesh, CellSolution, DirectMesh};
 use crate::direct::Tolerance;
 use crate::field::{Light, Progress, SAFETY};
 use crate::limits::Limits;
-use antumbra_geom::{Chart, Stop};
+use antumbra_geom::{Chart, Stop, bounding_box};
 use antumbra_mesh::cells::{CellForest, Rule};
 use antumbra_scene::FaceId;
 use estimate::Points;
@@ -93,7 +93,7 @@ pub enum CellEnded {
     /// Halving the size of whole receivers did not lower their error any more, as where
     /// something stands on them: there is no size for the tolerance.
     Stalled,
-    /// The limit on elements was reached first.
+    /// The limit on elements was reached first, or more than it allows were asked for.
     TooManyElements,
     /// No tolerance was asked for.
     AsAsked,
@@ -171,16 +171,11 @@ impl Field {
     fn new(receiver: CellReceiver, light: &dyn Light, degree: u8) -> Self {
         let n_bands = light.n_bands();
         let (mesh, _) = receiver.forest.mesh();
-        let bounds = mesh
-            .vertices
-            .iter()
-            .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(min, max), &v| {
-                (min.min(v), max.max(v))
-            });
+        let [min, max] = bounding_box(mesh.vertices.iter().copied());
         let size = if mesh.vertices.is_empty() {
             0.0
         } else {
-            (bounds.1 - bounds.0).length()
+            (max - min).length()
         };
         Self {
             is_dark: !light.reaches(receiver.face),
@@ -379,6 +374,9 @@ impl CellMeshes {
         if goal == CellGoal::AsGiven {
             progress(self.n_elements(), 1.0);
             return CellEnded::AsAsked;
+        }
+        if matches!(goal, CellGoal::Elements(wanted) if wanted > most_elements) {
+            return CellEnded::TooManyElements;
         }
         let mut points = (estimator == Estimator::Measured).then_some(Points::Nested);
         loop {

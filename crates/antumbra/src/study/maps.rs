@@ -3,7 +3,7 @@
 use super::{Reference, Sampled, one_value, value_at, worst_band};
 use crate::mesher::Mesher;
 use crate::values::Place;
-use antumbra_geom::{Chart, DVec2, dvec2, point_in_polygon};
+use antumbra_geom::{Chart, DVec2, Stop, bounding_box, dvec2, point_in_polygon};
 use antumbra_io::study::{ErrorMap, MapGroup, Run, Series, Study};
 use antumbra_scene::{FaceId, Scene};
 use antumbra_solver::Light;
@@ -36,13 +36,15 @@ pub(crate) struct RunMap {
 const MOST_EDGES: usize = 12_000;
 
 impl Canvas {
-    /// The face with most places in penumbras, or with most places.
+    /// The face with most places in penumbras, or with most places; nothing if it was
+    /// stopped.
     pub(crate) fn new(
         driver: &dyn Light,
         scene: &Scene,
         reference: &Reference,
         pixels: usize,
-    ) -> Self {
+        stop: Stop<'_>,
+    ) -> Option<Self> {
         let mut counts = vec![(0usize, 0usize); scene.face_ids().count()];
         for (place, &is_penumbra) in reference.places.iter().zip(&reference.is_penumbra) {
             let count = &mut counts[place.face.index()];
@@ -53,16 +55,11 @@ impl Canvas {
             .face_ids()
             .max_by_key(|f| (counts[f.index()], std::cmp::Reverse(f.0)));
         let Some(face) = best.filter(|_| pixels > 0) else {
-            return Self::empty();
+            return Some(Self::empty());
         };
         let chart = scene.chart(face);
         let loops = scene.loops_in_chart(face, &chart);
-        let (min, max) = loops
-            .iter()
-            .flatten()
-            .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(a, b), &p| {
-                (a.min(p), b.max(p))
-            });
+        let [min, max] = bounding_box(loops.iter().flatten().copied());
         let side = (max - min).max_element() / pixels as f64;
         let count = |length: f64| ((length / side).round() as usize).clamp(1, pixels);
         let (width, height) = (count(max.x - min.x), count(max.y - min.y));
@@ -79,9 +76,12 @@ impl Canvas {
         let inside = (0..width * height)
             .into_par_iter()
             .filter_map(|i| place(i, &chart))
-            .map(|(i, place)| (i, place, one_value(driver, &place, scene.n_bands)))
-            .collect();
-        Self {
+            .map(|(i, place)| {
+                let bands = one_value(driver, &place, stop)?;
+                Some((i, place, bands))
+            })
+            .collect::<Option<_>>()?;
+        Some(Self {
             face,
             surface: scene.surface_of(face).name.clone(),
             width,
@@ -90,7 +90,7 @@ impl Canvas {
             side,
             inside,
             peak: reference.peak.clone(),
-        }
+        })
     }
 
     fn empty() -> Self {

@@ -143,7 +143,10 @@ pub(crate) fn halvings(
         if found.last().is_some_and(|&(before, _)| n < 3 * before) {
             break;
         }
-        found.push((n, reference.summarise(&reference.errors_of(&direct))));
+        let Some(errors) = reference.summary_of(&direct, Stop::new(control.should_stop)) else {
+            break;
+        };
+        found.push((n, errors));
         if n > MOST_HALVED {
             break;
         }
@@ -200,7 +203,7 @@ pub(crate) fn effectivities(
         );
         for estimator in Estimator::ALL {
             // Each on a mesh of its own, for points that are known cost nothing.
-            let mut meshes = cell_meshes_for(evaluator, driver, &options, control)?;
+            let (mut meshes, _) = cell_meshes_for(evaluator, driver, &options, control)?;
             let Some(truth) = meshes.true_errors(TRUE_POINTS, driver, stop) else {
                 break;
             };
@@ -312,6 +315,7 @@ pub(crate) fn steps(
     reference: &Reference,
     control: &Control<'_>,
 ) -> Result<Vec<Step>, Error> {
+    let stop = Stop::new(control.should_stop);
     let mut rows = Vec::new();
     let contacts = Events::Kinds(EventKinds::NONE);
     for (events, name) in [
@@ -324,7 +328,9 @@ pub(crate) fn steps(
                 ..discontinuity(2, tolerance)
             };
             let before = subject.discontinuity(&plain, control)?.direct;
-            let errors = reference.summarise(&reference.errors_of(&before));
+            let Some(errors) = reference.summary_of(&before, stop) else {
+                return Ok(rows);
+            };
             for step in [AfterStep::Relocate, AfterStep::Split, AfterStep::Elevate] {
                 if (control.should_stop)() {
                     return Ok(rows);
@@ -336,11 +342,14 @@ pub(crate) fn steps(
                     return Ok(rows);
                 }
                 let after = &meshed.direct;
+                let Some(errors_after) = reference.summary_of(after, stop) else {
+                    return Ok(rows);
+                };
                 rows.push(Step {
                     mesh: format!("{name}, degree 2, tolerance {tolerance:e}"),
                     step: step.key().to_owned(),
                     before: errors,
-                    after: reference.summarise(&reference.errors_of(after)),
+                    after: errors_after,
                     elements: [before.n_elements(), after.n_elements()],
                     evaluations: [before.exact_evaluations(), after.exact_evaluations()],
                     reason: meshed

@@ -1,7 +1,7 @@
 //! The border of a patch: loops of vertices, and whether they are simple.
 
 use super::patch::edges_of;
-use antumbra_geom::{DVec2, point_in_polygon, segments_cross, signed_area};
+use antumbra_geom::{DVec2, bounding_box, point_in_polygon, segments_cross, signed_area};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -110,11 +110,7 @@ fn has_no_repeats(corners: &[u32]) -> bool {
 }
 
 fn box_holds(corners: &[DVec2], point: DVec2) -> bool {
-    let (low, high) = corners
-        .iter()
-        .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), &p| {
-            (low.min(p), high.max(p))
-        });
+    let [low, high] = bounding_box(corners.iter().copied());
     low.cmple(point).all() && point.cmple(high).all()
 }
 

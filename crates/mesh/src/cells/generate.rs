@@ -4,6 +4,7 @@ use super::forest::{CellForest, Rule};
 use super::strip::{Border, Region, RegionEdge};
 use super::{Cell, CellMesh, Midpoints};
 use crate::trimesh::{MeshError, ascending};
+use antumbra_geom::bounding_box;
 use glam::{DVec2, dvec2};
 use std::collections::HashMap;
 
@@ -145,9 +146,7 @@ fn rectilinear(border: &[Vec<DVec2>], frame: &Frame, size: f64) -> Option<CellMe
         .map(|l| l.iter().map(|&p| frame.to_frame(p)).collect())
         .collect();
     let corners = || local.iter().flatten().copied();
-    let (min, max) = corners().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(min, max), p| {
-        (min.min(p), max.max(p))
-    });
+    let [min, max] = bounding_box(corners());
     let rounding = 1e-11 * (max - min).max_element();
     let is_along_axis = |l: &Vec<DVec2>| {
         (0..l.len()).all(|i| (l[(i + 1) % l.len()] - l[i]).abs().min_element() <= rounding)
@@ -216,10 +215,7 @@ fn even(border: &Border, size: f64) -> f64 {
 /// The box of the border in a frame.
 fn extent(border: &Border, frame: &Frame) -> [DVec2; 2] {
     let used = border.edges.iter().flatten();
-    let points = used.map(|&v| frame.to_frame(border.points[v as usize]));
-    points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[min, max], p| {
-        [min.min(p), max.max(p)]
-    })
+    bounding_box(used.map(|&v| frame.to_frame(border.points[v as usize])))
 }
 
 /// Triangles: border points at the spacing, inside a lattice of equilateral triangles.

@@ -2,6 +2,7 @@
 
 use super::CellMesh;
 use crate::grid::Grid;
+use antumbra_geom::bounding_box;
 use glam::DVec2;
 
 /// Finds the cell of a mesh that a point of the chart is in.
@@ -20,9 +21,7 @@ impl CellLocator {
             let corners = mesh.cells.iter().flat_map(super::Cell::corners);
             corners.map(|&v| mesh.vertices[v as usize])
         };
-        let (min, max) = used().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(min, max), p| {
-            (min.min(p), max.max(p))
-        });
+        let [min, max] = bounding_box(used());
         let slack = 1e-9 * (max - min).max_element().max(0.0);
         let grid = Grid::new(used(), mesh.cells.len(), |grid, c, visit| {
             let corners = mesh.corner_positions(c);

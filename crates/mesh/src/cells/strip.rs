@@ -2,7 +2,7 @@
 
 use crate::arrange::{ArrangementOptions, Order, TaggedCurve, arrange};
 use crate::trimesh::{MeshError, ascending, shape_quality};
-use antumbra_geom::cdt;
+use antumbra_geom::{cdt, distance_to_segment};
 use glam::DVec2;
 
 /// Triangles worse than this are mended by new points: angles of about 25 degrees.
@@ -92,7 +92,7 @@ impl Border {
 
     pub(super) fn distance(&self, point: DVec2) -> f64 {
         (0..self.edges.len())
-            .map(|e| distance_to(self.ends(e), point))
+            .map(|e| distance_to_segment(self.ends(e), point))
             .fold(f64::INFINITY, f64::min)
     }
 
@@ -101,7 +101,7 @@ impl Border {
         let [a, b] = self.edges[e];
         (0..self.edges.len())
             .filter(|&f| !self.edges[f].iter().any(|&v| v == a || v == b))
-            .map(|f| distance_to(self.ends(f), point))
+            .map(|f| distance_to_segment(self.ends(f), point))
             .fold(f64::INFINITY, f64::min)
     }
 
@@ -151,17 +151,6 @@ impl Border {
             places.push(to);
         }
     }
-}
-
-/// The distance of a point from a segment.
-pub(super) fn distance_to([a, b]: [DVec2; 2], point: DVec2) -> f64 {
-    let d = b - a;
-    let t = if d == DVec2::ZERO {
-        0.0
-    } else {
-        (d.dot(point - a) / d.length_squared()).clamp(0.0, 1.0)
-    };
-    (a + d * t).distance(point)
 }
 
 /// An edge that bounds a region.
@@ -248,7 +237,7 @@ impl Region {
             for (e, edge) in self.edges.iter().enumerate() {
                 let [a, b] = edge.ends.map(|v| self.points[v as usize]);
                 if (a - centre).dot(b - centre) < 0.0 {
-                    let distance = distance_to([a, b], centre);
+                    let distance = distance_to_segment([a, b], centre);
                     if nearest.is_none_or(|n| distance < n.0) {
                         nearest = Some((distance, e));
                     }
