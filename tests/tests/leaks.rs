@@ -410,7 +410,11 @@ fn warped_room(amount: f64, seed: u64) -> SceneInput {
         .map(|_| {
             let step = random.in_box(-DVec3::ONE, DVec3::ONE);
             // Every other room by exactly the amount: walls that are parallel again.
-            let step = if seed.is_multiple_of(2) { step.signum() } else { step };
+            let step = if seed.is_multiple_of(2) {
+                step.signum()
+            } else {
+                step
+            };
             step * amount
         })
         .collect();
