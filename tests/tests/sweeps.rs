@@ -8,10 +8,12 @@ use antumbra_tests::scenes::{Facing, add, add_box, add_horizontal, empty, exact,
 use glam::{DVec3, dvec3};
 use rayon::prelude::*;
 
-/// 1e-1, 3e-2, 1e-2, … 1e-15, and the degeneracy itself.
+/// 1e-1, 7e-2, 5e-2, 3e-2, 2e-2, 1.5e-2, 1e-2, … 1e-15, and the degeneracy itself.
 fn steps() -> Vec<f64> {
     let decades = (1..=15).map(|k| 10f64.powi(-k));
-    let mut steps: Vec<f64> = decades.flat_map(|t| [t, 0.3 * t]).collect();
+    let mut steps: Vec<f64> = decades
+        .flat_map(|t| [1.0, 0.7, 0.5, 0.3, 0.2, 0.15].map(|x| x * t))
+        .collect();
     steps.push(0.0);
     steps
 }

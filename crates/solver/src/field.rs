@@ -4,7 +4,7 @@ pub(crate) mod posterior;
 mod sides;
 
 use crate::basis::{MOST_NODES, lattice, n_nodes, values};
-use antumbra_geom::{Chart, Stop, coarse_order};
+use antumbra_geom::{Chart, Stop, bounding_box, coarse_order, distance_to_segment};
 use antumbra_mesh::{
     ArrangementOptions, Cut, Locator, Order, Origins, Split, TaggedCurve, TriMesh, arrange,
 };
@@ -417,13 +417,7 @@ impl Field {
     /// has no use but [`Field::fall_back`].
     pub(crate) fn new(receiver: Receiver, light: &dyn Light, degree: u8, stop: Stop<'_>) -> Self {
         let n_triangles = receiver.mesh.triangles.len();
-        let (min, max) = receiver
-            .mesh
-            .vertices
-            .iter()
-            .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(min, max), &v| {
-                (min.min(v), max.max(v))
-            });
+        let [min, max] = bounding_box(receiver.mesh.vertices.iter().copied());
         let n_bands = light.n_bands();
         let all: Vec<u32> = (0..receiver.postponed.len() as u32).collect();
         let crossing = (0..n_triangles)
@@ -998,7 +992,9 @@ impl Field {
         let max = corners[0].max(corners[1]).max(corners[2]) + radius;
         let is_near = |s: DVec2| {
             let is_inside = barycentric(corners, s).iter().all(|&x| x >= 0.0);
-            is_inside || (0..3).any(|k| distance(corners[k], corners[(k + 1) % 3], s) <= radius)
+            is_inside
+                || (0..3)
+                    .any(|k| distance_to_segment([corners[k], corners[(k + 1) % 3]], s) <= radius)
         };
         let from = self.singular.partition_point(|s| s.x < min.x);
         self.singular[from..]
@@ -1495,18 +1491,6 @@ fn barycentric([a, b, c]: [DVec2; 3], p: DVec2) -> [f64; 3] {
     let v = (p - a).perp_dot(c - a) / area;
     let w = (b - a).perp_dot(p - a) / area;
     [1.0 - v - w, v, w]
-}
-
-/// The distance of a point from a segment.
-fn distance(a: DVec2, b: DVec2, p: DVec2) -> f64 {
-    let along = b - a;
-    let share = along.dot(p - a) / along.length_squared();
-    let share = if share.is_nan() {
-        0.0
-    } else {
-        share.clamp(0.0, 1.0)
-    };
-    p.distance(a + along * share)
 }
 
 /// Which of `candidates` run through an element.

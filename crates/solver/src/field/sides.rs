@@ -7,7 +7,7 @@
 //! looked across the line would see what is beyond. So would one that looks almost along
 //! a line; directions of approach therefore keep off lines.
 
-use antumbra_geom::DVec2;
+use antumbra_geom::{DVec2, distance_to_segment};
 use antumbra_mesh::{Grid, Order, TriMesh};
 use smallvec::SmallVec;
 
@@ -165,7 +165,7 @@ impl OneSided {
     /// A line as seen from a node, if it is near.
     fn near(&self, i: usize, at: DVec2, corners: [DVec2; 3]) -> Option<Near> {
         let [a, b] = self.lines[i];
-        let distance = super::distance(a, b, at);
+        let distance = distance_to_segment([a, b], at);
         if distance > self.radius {
             return None;
         }
