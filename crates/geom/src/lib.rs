@@ -12,7 +12,7 @@ mod settle;
 mod stop;
 
 pub use chart::Chart;
-pub use coarse::coarse_order;
+pub use coarse::{coarse_order, exceeds};
 pub use glam::{DVec2, DVec3, dvec2, dvec3};
 pub use measure::{bounding_box, distance_to_segment, distance_to_segment_in_space};
 pub use polygon::{

@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use antumbra_geom::coarse_order;
+use antumbra_geom::{coarse_order, exceeds};
 use glam::DVec2;
 
 use crate::trimesh::{TriMesh, ascending};
@@ -108,7 +108,7 @@ impl TriMesh {
     fn compare_lengths(&self, e: [u32; 2], f: [u32; 2]) -> Ordering {
         let [p, q] = [e, f].map(|[a, b]| {
             let [p, q] = [a, b].map(|v| self.vertices[v as usize]);
-            coarse_order(p.distance_squared(q))
+            coarse_order(p.distance(q), self.pixel)
         });
         p.cmp(&q).then(e.cmp(&f))
     }
@@ -182,7 +182,7 @@ impl<'a> Refinement<'a> {
             p.distance(q)
         };
         let longest = self.mesh.longest_edge(t);
-        longest == edge || length(longest) > SLIM * length(edge)
+        longest == edge || exceeds(length(longest), SLIM * length(edge))
     }
 
     /// Which edge of triangle `t` leads to triangle `to`.

@@ -4,7 +4,7 @@ pub(crate) mod posterior;
 mod sides;
 
 use crate::basis::{MOST_NODES, lattice, n_nodes, values};
-use antumbra_geom::{Chart, Stop, bounding_box, coarse_order, distance_to_segment};
+use antumbra_geom::{Chart, Stop, bounding_box, coarse_order, distance_to_segment, exceeds};
 use antumbra_mesh::{
     ArrangementOptions, Cut, Locator, Order, Origins, Split, TaggedCurve, TriMesh, arrange,
 };
@@ -500,7 +500,7 @@ impl Field {
                 return;
             }
             let marked: Vec<u32> = (0..self.mesh.triangles.len())
-                .filter(|&t| self.longest_edge(t) > fraction * self.size)
+                .filter(|&t| exceeds(self.longest_edge(t), fraction * self.size))
                 .map(|t| t as u32)
                 .collect();
             if marked.is_empty() {
@@ -698,7 +698,7 @@ impl Field {
         let kinks = self.kinks_above(CALM_KINK, t, allowed);
         let mut points = SmallVec::from_slice(INNER_POINTS[usize::from(self.degree) - 1]);
         points.extend(spots);
-        if self.longest_edge(t) > LARGE * self.size {
+        if exceeds(self.longest_edge(t), LARGE * self.size) {
             points.extend(SECOND_POINTS);
         }
         for (i, &(_, c)) in kinks.iter().take(3).enumerate() {
@@ -924,12 +924,14 @@ impl Field {
 
     /// Is the element thinner than what counts as touching?
     fn is_sliver(&self, t: usize) -> bool {
-        2.0 * self.mesh.area(t as u32) <= self.contact_radius * self.longest_edge(t)
+        let area = 2.0 * self.mesh.area(t as u32);
+        !exceeds(area, self.contact_radius * self.longest_edge(t))
     }
 
     /// Is the element thinner than [`THIN`]?
     fn is_thin(&self, t: usize) -> bool {
-        2.0 * self.mesh.area(t as u32) <= THIN * self.size * self.longest_edge(t)
+        let area = 2.0 * self.mesh.area(t as u32);
+        !exceeds(area, THIN * self.size * self.longest_edge(t))
     }
 
     /// Rounds in a row in which an element and what it was made of did not get better.
@@ -1054,7 +1056,7 @@ impl Field {
                 // One place an edge, the same from both sides, if all curves are known
                 // and the edge is short: the error is then as large at its other end.
                 let [p, q] = [triangle[k], triangle[next]].map(|v| self.mesh.vertices[v as usize]);
-                let is_short = p.distance(q) <= SHORT_EDGE * self.size;
+                let is_short = !exceeds(p.distance(q), SHORT_EDGE * self.size);
                 if off == 0.5 || (checks_all && self.degree > 2 && is_short) {
                     break;
                 }
@@ -1449,16 +1451,11 @@ impl Field {
     }
 }
 
-/// Is a length larger than another by more than rounding? Lengths of dyadic scenes are often
-/// equal to what they are compared with.
-fn exceeds(a: f64, b: f64) -> bool {
-    coarse_order(a) > coarse_order(b)
-}
-
 /// The index of the largest of three.
 fn largest(of: [f64; 3]) -> usize {
     // Up to rounding, so that images of a mesh are split alike.
-    let of = of.map(coarse_order);
+    let unit = of[0].max(of[1]).max(of[2]);
+    let of = of.map(|x| coarse_order(x, unit));
     (1..3).fold(0, |a, b| if of[b] > of[a] { b } else { a })
 }
 
