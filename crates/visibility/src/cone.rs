@@ -67,7 +67,7 @@ const FLATTEST: f64 = 1e-10;
 
 /// Rounding of one coordinate relative to the largest distance in play, with a
 /// margin for the handful of operations between input and decision.
-const RELATIVE_TOLERANCE: f64 = 16.0 * f64::EPSILON;
+pub(crate) const RELATIVE_TOLERANCE: f64 = 16.0 * f64::EPSILON;
 
 /// Appends the half-spaces of the cone in which `corners` hide what lies behind
 /// them as seen from `point`; returns how many, 0 if the cone is empty.

@@ -7,7 +7,7 @@
 //! wrong sign moves a sliver of rounding size and never a region. Compared with
 //! booleans and with edge integration in `docs/numerics.md`.
 
-use crate::cone::{Approach, cone, distance_to_segment_sq};
+use crate::cone::{Approach, RELATIVE_TOLERANCE, cone, distance_to_segment_sq};
 use crate::events::adjacency::Adjacency;
 use crate::events::shaft::supporting_plane;
 use crate::fragments::{Fragment, Fragments, HalfSpace, Position};
@@ -647,15 +647,15 @@ impl<'s> Evaluator<'s> {
         }
         let everything: smallvec::SmallVec<[u32; 32]> = (0..scratch.cones.len() as u32).collect();
         let mut hidden = Hidden::new(view.normal);
-        // What touches the point is seen in a direction, a place just behind it: corners of
-        // its parts are rounded by as much as others, and are that near.
+        // What touches the point is seen in a direction, a place just behind it: it is on a
+        // half-space to the same tolerance as others, and is that near.
         let slack = approach.map_or(0.0, |a| {
             let is_here = |c: &DVec3| c.length() <= a.radius;
             let is_touched = lit
                 .iter()
                 .any(|&part| scratch.fragments.corners(part).iter().any(is_here));
             if is_touched {
-                f64::EPSILON * reach / (BEHIND * a.radius)
+                RELATIVE_TOLERANCE * reach / (BEHIND * a.radius)
             } else {
                 0.0
             }
@@ -1050,8 +1050,10 @@ fn middle_plane(corners: &[DVec3]) -> Option<HalfSpace> {
 }
 
 /// Where a source that touches the point is seen: so many contact radii behind the point.
-/// Smaller, and products lose digits; larger, and a direction becomes a place.
-const BEHIND: f64 = 1e-3;
+/// Larger, and it may lie behind something that does not touch the point. Smaller, and its
+/// direction is no longer told from that of a plane: what is within the tolerance of a
+/// half-space is on it (at 1e-3 that was 1e-3 rad).
+const BEHIND: f64 = 0.5;
 
 /// The audit of an evaluation, in debug builds: visible and hidden parts must add
 /// up to the whole.

@@ -97,7 +97,8 @@ impl Fragments {
             self.values.push(half.value(self.corners[i]));
         }
         // One pass for each side; the cut point is a function of the edge's two
-        // ends in a fixed order (inside end first), so both passes agree.
+        // ends in a fixed order, so both passes agree: from the nearer end, for a place
+        // near the point has as many digits as its distance from there.
         let mut sides = [Fragment { start: 0, len: 0 }; 2];
         for (side, sign) in [(0, 1.0), (1, -1.0)] {
             let first = self.corners.len();
@@ -110,6 +111,11 @@ impl Fragments {
                 }
                 if (vi > 0.0 && vj < 0.0) || (vi < 0.0 && vj > 0.0) {
                     let (a, b) = if self.values[i] > 0.0 { (i, j) } else { (j, i) };
+                    let (a, b) = if self.values[a] > -self.values[b] {
+                        (b, a)
+                    } else {
+                        (a, b)
+                    };
                     let (va, vb) = (self.values[a], self.values[b]);
                     let (xa, xb) = (self.corners[start + a], self.corners[start + b]);
                     self.corners.push(xa + (xb - xa) * (va / (va - vb)));
