@@ -671,7 +671,9 @@ impl<'s> Evaluator<'s> {
         // Where an edge is seen is known to the rounding of its ends by its distance; what
         // comes through less is not known to come through.
         let slit = self.scene.rounding() / nearest;
-        if factor <= (DARK * unoccluded).max(slit) {
+        let is_dark =
+            factor <= DARK * unoccluded || (factor <= slit && is_slit(scratch, 2.0 * slit));
+        if is_dark {
             scratch.visible.clear();
             return 0.0;
         }
@@ -1095,6 +1097,21 @@ impl Hidden {
             self.sum
         );
     }
+}
+
+/// Is what is visible nowhere wider than this, in radians? Every part is as wide as its
+/// corners are off the great circle through two that are far from each other.
+fn is_slit(scratch: &Scratch, widest: f64) -> bool {
+    scratch.visible.iter().all(|&fragment| {
+        let corners = scratch.fragments.corners(fragment);
+        let first = corners[0].normalize_or_zero();
+        let from_first = || corners.iter().map(|c| c.normalize_or_zero() - first);
+        let farthest = from_first()
+            .max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
+            .unwrap_or_default();
+        let across = first.cross(farthest).normalize_or_zero();
+        from_first().all(|d| across.dot(d).abs() <= widest)
+    })
 }
 
 /// Distance of a point from the edges of a polygon that are farther than `least`.
