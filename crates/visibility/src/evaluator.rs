@@ -12,6 +12,7 @@ use crate::events::adjacency::Adjacency;
 use crate::events::shaft::supporting_plane;
 use crate::fragments::{Fragment, Fragments, HalfSpace, Position};
 use crate::lambert::contour_sum;
+use antumbra_geom::{Plane, settled};
 use antumbra_scene::{Aabb, FaceId, PlaneId, Scene};
 use glam::DVec3;
 
@@ -565,7 +566,7 @@ impl<'s> Evaluator<'s> {
         approach: Option<&Approach>,
         scratch: &mut Scratch,
     ) -> f64 {
-        let point = approach.map_or(point, |a| self.settle(view.normal, list, point, a));
+        let point = approach.map_or(point, |a| self.settle(view.normal, source, list, point, a));
 
         // The source relative to the point, above the horizon.
         let parts = relative_source(
@@ -680,36 +681,54 @@ impl<'s> Evaluator<'s> {
         factor.min(unoccluded)
     }
 
-    /// Moves a point that touches occluders onto their planes, within its receiver's
-    /// plane.
+    /// Moves a point that touches a source or occluders onto their planes, within its
+    /// receiver's plane and the distance that counts as touching.
     ///
     /// Nodes on contacts lie beside them by the rounding of the mesh; seen from there,
     /// light of that size would come in between a wall that touches the point and
     /// what joins it above.
-    fn settle(&self, up: DVec3, list: &[u32], point: DVec3, approach: &Approach) -> DVec3 {
-        let mut settled = point;
-        for &piece in list {
-            let normal = self.occluders[piece as usize].normal;
-            let corners = self.occluder_corners(piece);
-            let height = normal.dot(corners[0] - settled);
+    fn settle(
+        &self,
+        up: DVec3,
+        source: &Source<'_>,
+        list: &[u32],
+        point: DVec3,
+        approach: &Approach,
+    ) -> DVec3 {
+        let is_off = |normal: DVec3, corners: &[DVec3]| {
+            let height = normal.dot(corners[0] - point);
             let across = normal - up * up.dot(normal);
-            if height == 0.0
-                || height.abs() > approach.radius
-                || normal.dot(approach.toward).abs() <= 1e-6
-                || across.length_squared() < 1e-6
-            {
-                continue;
-            }
-            let touches = (0..corners.len()).all(|i| {
-                let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
-                let along = b - a;
-                normal.cross(along).dot(settled - a) >= -approach.radius * along.length()
-            });
-            if touches {
-                settled += across * (height / across.length_squared());
-            }
+            height != 0.0
+                && height.abs() <= approach.radius
+                && normal.dot(approach.toward).abs() > 1e-6
+                && across.length_squared() >= 1e-6
+                && (0..corners.len()).all(|i| {
+                    let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
+                    let along = b - a;
+                    normal.cross(along).dot(point - a) >= -approach.radius * along.length()
+                })
+        };
+        let of_source = (source.normal, source.corners);
+        let of_occluders = list
+            .iter()
+            .map(|&piece| {
+                let normal = self.occluders[piece as usize].normal;
+                (normal, self.occluder_corners(piece))
+            })
+            .filter(|(normal, corners)| is_off(*normal, corners));
+        // The source first: what lies behind it would not be lit at all.
+        let mut planes: smallvec::SmallVec<[Plane; 4]> = smallvec::SmallVec::new();
+        planes.push(Plane { normal: up, point });
+        let touched =
+            std::iter::once(of_source).filter(|(normal, corners)| is_off(*normal, corners));
+        planes.extend(touched.chain(of_occluders).map(|(normal, corners)| Plane {
+            normal,
+            point: corners[0],
+        }));
+        if planes.len() == 1 {
+            return point;
         }
-        settled
+        settled(point, &planes, approach.radius)
     }
 
     /// Candidates of one point: pieces whose box meets the pyramid from the point
