@@ -111,9 +111,9 @@ fn a_million_sizes_away_has_the_same_elements() {
     same_under(&Motion::translation(shift), &names(&SHORT, &[]));
 }
 
-/// Hard scenes too, in which lengths are equal wherever they can be. But for those whose
-/// coordinates cannot carry it: features of 1e-6 m, which are 25 pixels, and of 1 cm a
-/// million metres away.
+/// Hard scenes too, in which lengths are equal wherever they can be. But for one that takes
+/// long, and those whose coordinates cannot carry it: features of 1e-6 m, which are 25
+/// pixels, and of 1 cm a million metres away.
 #[test]
 fn hard_scenes_of_other_sizes_have_the_same_elements() {
     let but = ["hard/many-lamps", "hard/minute-lamp", "hard/far-away"];

@@ -83,8 +83,8 @@ fn is_bounded(name: &str, scene: impl Fn(f64) -> SceneInput + Sync) {
             (t, receivers.map(|r| r.n_elements()).sum(), evaluations)
         })
         .collect();
-    // Generic positions: not yet near.
-    let generic = sizes.iter().filter(|(t, ..)| t.abs() > 5e-4);
+    // Generic positions: no nearer than a millimetre.
+    let generic = sizes.iter().filter(|(t, ..)| t.abs() > 9e-4);
     let (most, most_evaluations) = generic.fold((0, 0), |(n, e), s| (n.max(s.1), e.max(s.2)));
     for (t, n, evaluations) in sizes {
         assert!(

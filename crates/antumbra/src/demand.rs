@@ -158,7 +158,8 @@ pub(crate) fn worth_a_line(candidates: &[Candidate], degree: u8, stop: Stop<'_>)
     let mut order: Vec<usize> = (0..candidates.len()).collect();
     // Equally strong ones in the order of their ids, however their strengths are rounded.
     let sums: Vec<f64> = fineness.iter().map(|of| of.iter().sum()).collect();
-    let most = sums.iter().copied().fold(0.0, f64::max);
+    let finite = sums.iter().copied().filter(|s| s.is_finite());
+    let most = finite.fold(0.0, f64::max);
     let strength = |i: usize| coarse_order(sums[i], most);
     order.sort_by_key(|&i| (std::cmp::Reverse(strength(i)), i));
 

@@ -76,7 +76,22 @@ impl Scene {
         }
 
         let mut vertices = keep_used(&welded.vertices, &mut polygons);
-        settle::onto_planes(&mut vertices, &mut polygons, extent);
+        let units = Units {
+            frame,
+            unit: input.length_unit,
+        };
+        for (s, off, n) in settle::onto_planes(&mut vertices, &mut polygons, extent) {
+            let name = &input.surfaces[s].name;
+            findings.warning(
+                Findings::surface(s),
+                "non-planar",
+                vec![name.clone()],
+                format!(
+                    "surface '{name}': not planar: a vertex lies {} off its plane, and cannot be moved onto it, for other surfaces end there too; split into {n} parts",
+                    units.length(off)
+                ),
+            );
+        }
         let tolerance = extent * Self::PLANE_TOLERANCE;
         let (planes, class_of) = planes::classify(polygons.iter().flatten(), &vertices, tolerance);
         let material_ids = materials::ids(input);

@@ -579,7 +579,6 @@ impl Field {
         self.is_singular = before.is_singular;
         self.is_verified = before.is_verified;
         self.history = before.history;
-        // Of the mesh that was given up; found anew before it is asked for.
     }
 
     /// Was the error of all elements measured at the second points?

@@ -106,13 +106,6 @@ pub(crate) fn cone(
     });
     let n = corners.len();
     let edge = |i: usize| (corners[i], corners[if i + 1 == n { 0 } else { i + 1 }]);
-    // Only a polygon that the point touches can have edges that it touches.
-    let approach = approach.filter(|approach| {
-        (0..n).any(|i| {
-            let (a, b) = edge(i);
-            distance_to_segment_sq(a - point, b - a) <= approach.radius * approach.radius
-        })
-    });
     for i in 0..n {
         let (a, b) = edge(i);
         let plane = edge_plane(a, b, point, approach) * sign;
@@ -126,7 +119,7 @@ pub(crate) fn cone(
 }
 
 /// An upper bound of a vector's length that costs no square root.
-fn l1(v: DVec3) -> f64 {
+pub(crate) fn l1(v: DVec3) -> f64 {
     v.x.abs() + v.y.abs() + v.z.abs()
 }
 
@@ -135,7 +128,8 @@ fn l1(v: DVec3) -> f64 {
 /// Computed from the edge's ends in a fixed order, so that the two faces at an edge
 /// find the same plane bit for bit and no light comes through between them.
 ///
-/// * `approach` — only if the polygon of the edge touches the point.
+/// Whether the point touches the edge is decided by the edge alone: of two polygons that
+/// share it, one may touch the point and the other not.
 fn edge_plane(a: DVec3, b: DVec3, point: DVec3, approach: Option<&Approach>) -> DVec3 {
     if (a.x, a.y, a.z) > (b.x, b.y, b.z) {
         return -edge_plane(b, a, point, approach);

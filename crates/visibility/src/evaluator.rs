@@ -7,7 +7,7 @@
 //! wrong sign moves a sliver of rounding size and never a region. Compared with
 //! booleans and with edge integration in `docs/numerics.md`.
 
-use crate::cone::{Approach, RELATIVE_TOLERANCE, cone, distance_to_segment_sq};
+use crate::cone::{Approach, RELATIVE_TOLERANCE, cone, distance_to_segment_sq, l1};
 use crate::events::adjacency::Adjacency;
 use crate::events::shaft::supporting_plane;
 use crate::fragments::{Fragment, Fragments, HalfSpace, Position};
@@ -138,6 +138,9 @@ const LONGEST_LIST: usize = 24;
 
 /// A visible share this small is the rounding of the cuts: nothing is visible.
 const DARK: f64 = 8.0 * f64::EPSILON;
+
+/// What is visible of a source to this share is whole, and no slit.
+const WHOLE: f64 = 1.0 - 1e-9;
 
 /// Edges farther from the point than this part of the scene are seen where they are, up to
 /// [`DARK`] and what the laws of light allow.
@@ -618,7 +621,8 @@ impl<'s> Evaluator<'s> {
                 let height = occluder.normal.dot(corners[0] - point).abs();
                 if height < NEAR * self.scene.extent {
                     let least = approach.map_or(0.0, |a| a.radius);
-                    nearest = nearest.min(nearest_edge(corners, point, least));
+                    nearest = edges_beside(corners, point, least)
+                        .fold(nearest, |nearest, edge| nearest.min(edge.2));
                 }
                 let start = scratch.cone_corners.len() as u32;
                 scratch
@@ -669,16 +673,58 @@ impl<'s> Evaluator<'s> {
             factor += contour_sum(scratch.fragments.corners(fragment), view.normal);
         }
         hidden.audit(factor, whole, slack);
-        // Where an edge is seen is known to the rounding of its ends by its distance; what
-        // comes through less is not known to come through.
         let slit = self.scene.rounding() / nearest;
-        let is_dark =
-            factor <= DARK * unoccluded || (factor <= slit && is_slit(scratch, 2.0 * slit));
+        let is_dark = factor <= DARK * unoccluded
+            || (factor <= slit
+                && factor < WHOLE * unoccluded
+                && self.is_slit(view, source, list, point, approach, scratch));
         if is_dark {
             scratch.visible.clear();
             return 0.0;
         }
         factor.min(unoccluded)
+    }
+
+    /// Is what is visible no more than slits along near edges?
+    ///
+    /// Where an edge is seen is known to the rounding of its ends by its distance: what
+    /// comes in between it and another, within twice as much of the plane through it and the
+    /// point, is not known to come in; nor is the end of such a slit, a spot as small.
+    fn is_slit(
+        &self,
+        view: &View,
+        source: &Source<'_>,
+        list: &[u32],
+        point: DVec3,
+        approach: Option<&Approach>,
+        scratch: &Scratch,
+    ) -> bool {
+        let least = approach.map_or(0.0, |a| a.radius);
+        let planes: Vec<(DVec3, f64)> = list
+            .iter()
+            .map(|&piece| (piece, &self.occluders[piece as usize]))
+            .filter(|(_, occluder)| {
+                let plane = self.scene.planes[occluder.plane.index()];
+                let is_near = plane.distance(point).abs() < NEAR * self.scene.extent;
+                is_near && occluder.plane != source.plane && Some(occluder.plane) != view.plane
+            })
+            .flat_map(|(piece, _)| edges_beside(self.occluder_corners(piece), point, least))
+            .map(|(a, b, distance)| {
+                let across = a.cross(b).normalize_or_zero();
+                (across, 2.0 * self.scene.rounding() / distance)
+            })
+            .collect();
+        let widest = planes.iter().map(|plane| plane.1).fold(0.0, f64::max);
+        scratch.visible.iter().all(|&fragment| {
+            let corners = scratch.fragments.corners(fragment);
+            let first = corners[0].normalize_or_zero();
+            let is_end = |c: &DVec3| first.distance(c.normalize_or_zero()) <= widest;
+            let is_along = |(across, width): &(DVec3, f64)| {
+                let is_in_it = |c: &DVec3| across.dot(*c).abs() <= width * c.length();
+                corners.iter().all(is_in_it)
+            };
+            planes.iter().any(is_along) || corners.iter().all(is_end)
+        })
     }
 
     /// Moves a point that touches a source or occluders onto their planes, within its
@@ -926,14 +972,18 @@ enum Coverage {
 /// occluder must be outside of each to be passed over.
 type Sides = smallvec::SmallVec<[(DVec3, f64); 8]>;
 
-/// * `slack` — a distance: occluders that touch the point are never passed over.
+/// * `slack` — a distance: occluders that touch the point are never passed over. Rounding
+///   comes on top, for occluders of which no corner is farther than four extents.
 fn pyramid(corners: &[DVec3], slack: f64) -> Sides {
     // Counter-clockwise seen from the point: inwards is next × this.
     let n = corners.len();
     (0..n)
         .map(|i| {
-            let side = corners[if i + 1 == n { 0 } else { i + 1 }].cross(corners[i]);
-            (side, slack * (side.x.abs() + side.y.abs() + side.z.abs()))
+            let (this, next) = (corners[i], corners[if i + 1 == n { 0 } else { i + 1 }]);
+            let side = next.cross(this);
+            // A short edge's plane is known to the rounding of its ends by its length.
+            let rounding = 64.0 * f64::EPSILON * l1(this) * l1(next);
+            (side, slack * l1(side) + rounding)
         })
         .collect()
 }
@@ -1118,28 +1168,16 @@ impl Hidden {
     }
 }
 
-/// Is what is visible nowhere wider than this, in radians? Every part is as wide as its
-/// corners are off the great circle through two that are far from each other.
-fn is_slit(scratch: &Scratch, widest: f64) -> bool {
-    scratch.visible.iter().all(|&fragment| {
-        let corners = scratch.fragments.corners(fragment);
-        let first = corners[0].normalize_or_zero();
-        let from_first = || corners.iter().map(|c| c.normalize_or_zero() - first);
-        let farthest = from_first()
-            .max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
-            .unwrap_or_default();
-        let across = first.cross(farthest).normalize_or_zero();
-        from_first().all(|d| across.dot(d).abs() <= widest)
-    })
-}
-
-/// Distance of a point from the edges of a polygon that are farther than `least`.
-fn nearest_edge(corners: &[DVec3], point: DVec3, least: f64) -> f64 {
+/// The edges of a polygon that are farther from a point than `least`, with their distances.
+fn edges_beside(
+    corners: &[DVec3],
+    point: DVec3,
+    least: f64,
+) -> impl Iterator<Item = (DVec3, DVec3, f64)> {
     (0..corners.len())
-        .map(|i| {
-            let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
-            distance_to_segment_sq(a - point, b - a).sqrt()
+        .map(move |i| {
+            let (a, b) = (corners[i] - point, corners[(i + 1) % corners.len()] - point);
+            (a, b, distance_to_segment_sq(a, b - a).sqrt())
         })
-        .filter(|&d| d > least)
-        .fold(f64::INFINITY, f64::min)
+        .filter(move |edge| edge.2 > least)
 }

@@ -365,11 +365,8 @@ impl Shaper<'_> {
         self.extent * WELD_TOLERANCE
     }
 
-    /// What is narrower has no area. Sixteen plane tolerances: a surface with all
-    /// corners in a plane class, to the tolerance, is then tilted by an eighth at
-    /// most.
     fn smallest_width(&self) -> f64 {
-        64.0 * self.tolerance()
+        smallest_width(self.extent)
     }
 
     fn area(&self, corners: &[u32]) -> f64 {
@@ -568,6 +565,12 @@ impl Shaper<'_> {
     }
 }
 
+/// What is narrower has no area. Sixteen plane tolerances: a surface with all corners in a
+/// plane class, to the tolerance, is then tilted by an eighth at most.
+pub(super) fn smallest_width(extent: f64) -> f64 {
+    64.0 * extent * WELD_TOLERANCE
+}
+
 fn counted(n: usize, one: &str, many: &str) -> String {
     format!("{n} {}", if n == 1 { one } else { many })
 }
@@ -643,7 +646,7 @@ fn longest(positions: &[DVec3]) -> (DVec3, DVec3) {
 }
 
 /// The largest distance of a corner from the line along the longest extent.
-fn width(positions: &[DVec3]) -> f64 {
+pub(super) fn width(positions: &[DVec3]) -> f64 {
     let (first, far) = longest(positions);
     let length = (far - first).length();
     if length == 0.0 {

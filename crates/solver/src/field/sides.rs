@@ -115,18 +115,27 @@ struct Near {
     goes_on: [bool; 2],
 }
 
+impl Near {
+    /// A short piece has none of its own, as at a jog of a sloppily drawn outline.
+    fn has_direction(&self) -> bool {
+        self.goes_on != [false; 2]
+    }
+}
+
 impl OneSided {
     /// * `border` — loops that repeat their first point, the receiver to their left.
     /// * `contacts` — polylines.
     pub(super) fn new(border: &[Vec<DVec2>], contacts: &[Vec<DVec2>], radius: f64) -> Self {
         let pieces = |of: &[Vec<DVec2>]| -> Vec<[DVec2; 2]> {
             let all = of.iter().flat_map(|points| points.windows(2));
-            all.map(|p| [p[0], p[1]]).filter(|p| p[0] != p[1]).collect()
+            all.map(|p| [p[0], p[1]])
+                .filter(|[a, b]| a.distance(*b) > 0.0)
+                .collect()
         };
         let mut lines = pieces(border);
         let n_border = lines.len();
         lines.extend(pieces(contacts));
-        let grid = Grid::of_segments(&lines, radius);
+        let grid = Grid::of_segments(&lines, SHORT * radius);
         Self {
             lines,
             n_border,
@@ -145,6 +154,9 @@ impl OneSided {
             .iter()
             .filter_map(|&i| self.near(i as usize, at, corners))
             .collect();
+        if near.iter().all(|line| line.distance > self.radius) {
+            return NodeSide::Both;
+        }
         let Some(longest) = near
             .iter()
             .reduce(|x, y| if y.length > x.length { y } else { x })
@@ -166,7 +178,8 @@ impl OneSided {
     fn near(&self, i: usize, at: DVec2, corners: [DVec2; 3]) -> Option<Near> {
         let [a, b] = self.lines[i];
         let distance = distance_to_segment([a, b], at);
-        if distance > self.radius {
+        // Where a line ends within this distance, what it goes on as is within it too.
+        if distance > SHORT * self.radius {
             return None;
         }
         let length = a.distance(b);
@@ -198,21 +211,22 @@ impl OneSided {
             for (k, &goes) in line.goes_on.iter().enumerate() {
                 goes_on[if is_along { k } else { 1 - k }] |= goes;
             }
-            // A short piece has no direction of its own.
-            let has_direction = line.goes_on != [false; 2];
-            if has_direction && along.perp_dot(line.along).abs() > STRAIGHT {
+            if line.has_direction() && along.perp_dot(line.along).abs() > STRAIGHT {
                 return None;
             }
         }
         if goes_on != [true; 2] {
             return None;
         }
-        let first = near.iter().min_by(|a, b| {
-            (b.is_border.cmp(&a.is_border)).then(a.distance.total_cmp(&b.distance))
+        let long = || near.iter().filter(|line| line.has_direction());
+        // The border first, if it is touched: it has one side only.
+        let is_touched = |line: &Near| line.is_border && line.distance <= self.radius;
+        let first = long().min_by(|a, b| {
+            (is_touched(b).cmp(&is_touched(a))).then(a.distance.total_cmp(&b.distance))
         })?;
         // An element between two lines that are more than touching distance apart
         // elsewhere: the node is where they part.
-        let is_between = near.iter().any(|line| {
+        let is_between = long().any(|line| {
             let is_wide = line.is_border || line.extent > SHORT * self.radius;
             is_wide && line.across.dot(first.across) < 0.0
         });
@@ -224,7 +238,9 @@ impl OneSided {
         let [a, b, c] = corners;
         let longest = (b - a).length().max((c - b).length()).max((a - c).length());
         let from_border = || {
-            let borders = near.iter().filter(|line| line.is_border);
+            let borders = near
+                .iter()
+                .filter(|line| line.is_border && line.has_direction());
             borders.map(|line| line.across).sum::<DVec2>()
         };
         let mut toward = (a + b + c) / 3.0 - at;
@@ -363,6 +379,65 @@ mod tests {
             sides.side(corners[2], corners),
             sides.side(corners[2], beyond)
         );
+    }
+
+    #[test]
+    fn jogs_of_a_border_do_not_decide() {
+        for step in [1e-7, -1e-7] {
+            let border: Vec<DVec2> = [
+                (0.0, 0.0),
+                (0.5, 0.0),
+                (0.5, step),
+                (1.0, step),
+                (1.0, 1.0),
+                (0.0, 1.0),
+                (0.0, 0.0),
+            ]
+            .map(|(x, y)| dvec2(x, y))
+            .to_vec();
+            let sides = OneSided::new(&[border], &[], RADIUS);
+            for at in [dvec2(0.5, step), dvec2(0.5, 0.0)] {
+                let corners = [at, dvec2(1.0, step), dvec2(0.5, 0.5)];
+                assert_eq!(toward(&sides, at, corners), DVec2::Y, "{at}");
+            }
+        }
+    }
+
+    #[test]
+    fn short_ends_of_contacts_in_the_middle_of_a_line_do_not_decide() {
+        // Two plates, thinner than the radius, end to end.
+        let x = |x: f64, y: f64| dvec2(x, 0.5 + y * 1e-7);
+        let left = vec![x(0.1, 0.0), x(0.5, 0.0), x(0.5, 1.0), x(0.1, 1.0)];
+        let right = vec![x(0.9, 1.0), x(0.5, 1.0), x(0.5, 0.0), x(0.9, 0.0)];
+        let sides = OneSided::new(&[unit_square()], &[left, right], RADIUS);
+        let above = [x(0.5, 1.0), x(0.7, 1.0), dvec2(0.5, 0.8)];
+        assert_eq!(toward(&sides, above[0], above), DVec2::Y);
+    }
+
+    #[test]
+    fn corner_that_points_inwards_is_looked_away_from() {
+        // The square without its lower left quarter.
+        let border: Vec<DVec2> = [
+            (0.5, 0.0),
+            (1.0, 0.0),
+            (1.0, 1.0),
+            (0.0, 1.0),
+            (0.0, 0.5),
+            (0.5, 0.5),
+            (0.5, 0.0),
+        ]
+        .map(|(x, y)| dvec2(x, y))
+        .to_vec();
+        let sides = OneSided::new(&[border], &[], RADIUS);
+        let at = dvec2(0.5, 0.5);
+        for corners in [
+            [at, dvec2(0.5, 0.1), dvec2(0.5 + 1e-8, 0.1)],
+            [at, dvec2(0.9, 0.5), dvec2(0.9, 0.6)],
+            [at, dvec2(0.1, 0.5 + 1e-8), dvec2(0.1, 0.5)],
+        ] {
+            let d = toward(&sides, at, corners);
+            assert!(d.x >= 0.9 * LEAST_ANGLE || d.y >= 0.9 * LEAST_ANGLE, "{d}");
+        }
     }
 
     #[test]
