@@ -114,6 +114,8 @@ pub struct Scratch {
     found: Vec<u32>,
     /// Features of an occluder this near to the point touch it.
     slack: f64,
+    /// How many times more the source may be cut in two.
+    cuts_left: usize,
     /// Occluders whose cones were cut against, for profiling: a count, not a time.
     pub n_cones: u64,
     /// The form factors of all emitters without occluders, summed over the emitters of
@@ -151,6 +153,11 @@ const FLAT_CANDIDATES: usize = 6;
 
 /// Splitting ends here, whatever is left.
 const DEEPEST_SPLIT: u32 = 40;
+
+/// How many times an emitter may be cut in two for every candidate: near-linear work takes
+/// a few. Where many edges meet in one place, in copies of one box, no cut parts them, and
+/// the parts would double forty times.
+const CUTS_PER_CANDIDATE: usize = 16;
 
 /// Exact irradiance in a scene.
 #[derive(Debug)]
@@ -665,6 +672,7 @@ impl<'s> Evaluator<'s> {
                 0.0
             }
         });
+        scratch.cuts_left = CUTS_PER_CANDIDATE * everything.len();
         for part in lit {
             visible_of(scratch, part, &everything, 0, &mut hidden);
         }
@@ -932,8 +940,10 @@ fn visible_of(
     }
     if relevant.len() > FLAT_CANDIDATES
         && depth < DEEPEST_SPLIT
+        && scratch.cuts_left > 0
         && let Some(half) = dividing_plane(scratch, fragment, &relevant)
     {
+        scratch.cuts_left -= 1;
         let (a, b) = scratch.fragments.split(fragment, &half);
         visible_of(scratch, a, &relevant, depth + 1, hidden);
         visible_of(scratch, b, &relevant, depth + 1, hidden);
