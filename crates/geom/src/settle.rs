@@ -7,18 +7,18 @@ use crate::DVec3;
 const SMALLEST_ANGLE: f64 = 1e-3;
 
 /// A plane through a point.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
     /// Unit normal.
     pub normal: DVec3,
-    /// Any point of it.
+    /// Any point of it: the plane is where `normal · (x − point) = 0`.
     pub point: DVec3,
 }
 
 impl Plane {
-    /// The height of a point over the plane, positive on the side of the normal.
+    /// Signed distance of a point, positive on the normal's side.
     #[must_use]
-    pub fn height(&self, point: DVec3) -> f64 {
+    pub fn distance(&self, point: DVec3) -> f64 {
         (point - self.point).dot(self.normal)
     }
 }
@@ -41,7 +41,7 @@ pub fn settled(from: DVec3, planes: &[Plane], farthest: f64) -> DVec3 {
             continue;
         }
         let direction = free / sine;
-        let next = to - plane.height(to) / sine * direction;
+        let next = to - plane.distance(to) / sine * direction;
         if next.distance(from) > farthest {
             continue;
         }
@@ -51,7 +51,7 @@ pub fn settled(from: DVec3, planes: &[Plane], farthest: f64) -> DVec3 {
     }
     // Once more, for the rounding of the first time; and exactly, along axes.
     for (plane, &direction) in kept.iter().zip(&directions) {
-        to -= plane.height(to) / direction.dot(plane.normal) * direction;
+        to -= plane.distance(to) / direction.dot(plane.normal) * direction;
     }
     for plane in kept {
         if let Some(axis) = axis(plane.normal) {
@@ -90,7 +90,7 @@ mod tests {
         ];
         let to = settled(dvec3(1e-9, -2e-9, 0.1 + 3e-9), &planes, 1e-7);
         assert_eq!(to.z.to_bits(), 0.1f64.to_bits());
-        assert!(planes.iter().all(|p| p.height(to).abs() < 1e-16));
+        assert!(planes.iter().all(|p| p.distance(to).abs() < 1e-16));
     }
 
     #[test]
@@ -100,7 +100,7 @@ mod tests {
             point: DVec3::ZERO,
         };
         let to = settled(dvec3(0.0, 0.5, 0.0), &[tilted], 1e-8);
-        assert!(tilted.height(to).abs() < 1e-17, "{to}");
+        assert!(tilted.distance(to).abs() < 1e-17, "{to}");
     }
 
     #[test]

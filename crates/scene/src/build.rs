@@ -50,13 +50,14 @@ impl Scene {
         };
 
         let welded = weld::weld(input, &usable, &frame, extent);
+        let units = Units {
+            frame,
+            unit: input.length_unit,
+        };
         let mut shaper = outline::Shaper {
             vertices: &welded.vertices,
             extent,
-            units: Units {
-                frame,
-                unit: input.length_unit,
-            },
+            units,
             findings: &mut findings,
         };
         let mut polygons: Vec<Vec<Polygon>> = input
@@ -76,10 +77,6 @@ impl Scene {
         }
 
         let mut vertices = keep_used(&welded.vertices, &mut polygons);
-        let units = Units {
-            frame,
-            unit: input.length_unit,
-        };
         for (s, off, n) in settle::onto_planes(&mut vertices, &mut polygons, extent) {
             let name = &input.surfaces[s].name;
             findings.warning(

@@ -15,6 +15,7 @@ mod report;
 mod scene;
 mod weld_input;
 
+pub use antumbra_geom::Plane;
 pub use build::Built;
 pub use bvh::{Aabb, BoxTree};
 pub use input::{LengthUnit, MaterialInput, Quantity, SceneInput, SurfaceInput};
@@ -22,7 +23,7 @@ pub use open_rooms::OpenRoom;
 pub use problem::{Problem, Severity};
 pub use report::GeometryReport;
 pub use scene::{
-    Edge, EdgeId, Face, FaceId, Frame, Material, MaterialId, Piece, Plane, PlaneId, Scene, Side,
-    Surface, SurfaceId, VertexId,
+    Edge, EdgeId, Face, FaceId, Frame, Material, MaterialId, Piece, PlaneId, Scene, Side, Surface,
+    SurfaceId, VertexId,
 };
 pub use weld_input::Welded;

@@ -2,6 +2,7 @@
 
 use crate::bvh::BoxTree;
 use crate::input::{LengthUnit, Quantity};
+use antumbra_geom::Plane;
 use glam::DVec3;
 use std::ops::Range;
 
@@ -161,24 +162,6 @@ pub struct Edge {
     pub faces: Vec<FaceId>,
 }
 
-/// A class of coplanar faces.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plane {
-    /// Unit normal.
-    pub normal: DVec3,
-    /// A vertex of the scene on it: the plane is where
-    /// `normal · (x − point) = 0`.
-    pub point: DVec3,
-}
-
-impl Plane {
-    /// Signed distance of a point, positive on the normal's side.
-    #[must_use]
-    pub fn distance(&self, point: DVec3) -> f64 {
-        (point - self.point).dot(self.normal)
-    }
-}
-
 /// A valid scene.
 #[derive(Clone, Debug)]
 pub struct Scene {
@@ -202,7 +185,7 @@ pub struct Scene {
     pub pieces: Vec<Piece>,
     /// Edges, sorted by their ends.
     pub edges: Vec<Edge>,
-    /// Plane classes.
+    /// Plane classes; the point of each is a vertex.
     pub planes: Vec<Plane>,
     /// Boxes of the pieces of all fronts; its items are indices into `pieces`.
     pub tree: BoxTree,

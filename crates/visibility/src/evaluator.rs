@@ -611,7 +611,7 @@ impl<'s> Evaluator<'s> {
         let mut nearest = f64::INFINITY;
         let mut add = |piece: u32, scratch: &mut Scratch| {
             let occluder = &self.occluders[piece as usize];
-            if occluder.plane == source.plane || Some(occluder.plane) == view.plane {
+            if !may_hide(occluder.plane, source, view) {
                 return;
             }
             let corners = self.occluder_corners(piece);
@@ -714,7 +714,7 @@ impl<'s> Evaluator<'s> {
             .filter(|(_, occluder)| {
                 let plane = self.scene.planes[occluder.plane.index()];
                 let is_near = plane.distance(point).abs() < NEAR * self.scene.extent;
-                is_near && occluder.plane != source.plane && Some(occluder.plane) != view.plane
+                is_near && may_hide(occluder.plane, source, view)
             })
             .flat_map(|(piece, _)| edges_beside(self.occluder_corners(piece), point, least))
             .map(|(a, b, distance)| {
@@ -1178,7 +1178,13 @@ impl Hidden {
     }
 }
 
-/// The edges of a polygon that are farther from a point than `least`, with their distances.
+/// What lies in the source's or in the receiver's own plane hides nothing.
+fn may_hide(plane: PlaneId, source: &Source<'_>, view: &View) -> bool {
+    plane != source.plane && Some(plane) != view.plane
+}
+
+/// The edges of a polygon that are farther from a point than `least`: their ends, relative
+/// to the point, and their distances.
 fn edges_beside(
     corners: &[DVec3],
     point: DVec3,

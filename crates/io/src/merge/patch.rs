@@ -195,7 +195,7 @@ impl<'a> Mesh<'a> {
             && self
                 .positions(t)
                 .iter()
-                .all(|&p| plane.height(p).abs() <= reach)
+                .all(|&p| plane.distance(p).abs() <= reach)
     }
 
     fn with_edge(&self, edge: [u32; 2]) -> &[([u32; 2], usize)] {

@@ -76,7 +76,7 @@ pub(super) fn onto_planes(patches: &[Patch], welded: &Welded) -> Moved {
         let from = welded.vertices[v as usize];
         if planes
             .iter()
-            .all(|plane| plane.height(from).abs() <= IN_PLACE * largest)
+            .all(|plane| plane.distance(from).abs() <= IN_PLACE * largest)
         {
             continue;
         }
@@ -94,7 +94,7 @@ pub(super) fn onto_planes(patches: &[Patch], welded: &Welded) -> Moved {
         let allowed = (PLANE * patch.width(&moved.vertices)).max(4.0 * IN_PLACE * largest);
         let is_plane = patch
             .corners()
-            .all(|v| plane.height(moved.vertices[v as usize]).abs() <= allowed);
+            .all(|v| plane.distance(moved.vertices[v as usize]).abs() <= allowed);
         if patch.needs_a_plane() && !is_plane {
             moved.not_plane.push(i);
         }
@@ -130,7 +130,8 @@ impl Class {
             .iter()
             .flat_map(|&i| patches[i].corners())
             .all(|v| {
-                straight.height(welded.vertices[v as usize]).abs() <= welded.tolerances[v as usize]
+                straight.distance(welded.vertices[v as usize]).abs()
+                    <= welded.tolerances[v as usize]
             });
         if holds { straight } else { own }
     }
@@ -182,7 +183,7 @@ fn classes(patches: &[Patch], welded: &Welded) -> Vec<Class> {
             let fits = || {
                 patches[j].plane.normal.dot(plane.normal).abs() > 0.5
                     && patches[j].corners().all(|v| {
-                        plane.height(welded.vertices[v as usize]).abs()
+                        plane.distance(welded.vertices[v as usize]).abs()
                             <= welded.tolerances[v as usize]
                     })
             };

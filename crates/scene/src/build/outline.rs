@@ -6,7 +6,7 @@ use super::weld::WELD_TOLERANCE;
 use super::{Findings, Units, short};
 use crate::bvh::Aabb;
 use crate::scene::Scene;
-use antumbra_geom::{Chart, DVec2, DVec3, newell_normal, point_in_polygon, signed_area};
+use antumbra_geom::{Chart, DVec2, DVec3, Plane, newell_normal, point_in_polygon, signed_area};
 
 /// Off its plane by less than this part of its size a surface is plane: eight
 /// digits more than drawing programs write, seven fewer than a rotation loses.
@@ -34,6 +34,30 @@ pub(super) struct Polygon {
 }
 
 impl Polygon {
+    /// Of a triangle over these vertices, if it has an area.
+    pub(super) fn triangle(corners: [u32; 3], vertices: &[DVec3], extent: f64) -> Option<Self> {
+        let positions = corners.map(|v| vertices[v as usize]);
+        let width = width(&positions);
+        let newell = newell_normal(&positions);
+        (width > smallest_width(extent)).then(|| Self {
+            outline: corners.to_vec(),
+            holes: Vec::new(),
+            pieces: vec![corners.to_vec()],
+            normal: newell / newell.length() + DVec3::ZERO,
+            point: corners[0],
+            area: newell.length() / 2.0,
+            width,
+        })
+    }
+
+    /// Its plane.
+    pub(super) fn plane(&self, vertices: &[DVec3]) -> Plane {
+        Plane {
+            normal: self.normal,
+            point: vertices[self.point as usize],
+        }
+    }
+
     /// All corners, of the outline and of the holes.
     pub(super) fn corners(&self) -> impl Iterator<Item = &u32> {
         self.outline.iter().chain(self.holes.iter().flatten())
@@ -175,7 +199,7 @@ impl Shaper<'_> {
         let triangles = flat.triangles(&shape)?;
         let polygons: Vec<Polygon> = triangles
             .into_iter()
-            .filter_map(|triangle| self.triangle(triangle))
+            .filter_map(|corners| Polygon::triangle(corners, self.vertices, self.extent))
             .collect();
         if polygons.is_empty() {
             return Err(Refusal::Empty);
@@ -544,23 +568,6 @@ impl Shaper<'_> {
                     which(a)
                 ),
             )
-        })
-    }
-
-    fn triangle(&self, triangle: [u32; 3]) -> Option<Polygon> {
-        let positions = self.positions(&triangle);
-        let width = width(&positions);
-        if width <= self.smallest_width() {
-            return None;
-        }
-        Some(Polygon {
-            outline: triangle.to_vec(),
-            holes: Vec::new(),
-            pieces: vec![triangle.to_vec()],
-            normal: self.normal(&positions, width),
-            point: triangle[0],
-            area: self.area(&triangle),
-            width,
         })
     }
 }

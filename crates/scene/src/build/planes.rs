@@ -1,7 +1,8 @@
 //! Plane classes: which faces lie in one plane, declared once.
 
 use super::outline::Polygon;
-use crate::scene::{Plane, PlaneId};
+use crate::scene::PlaneId;
+use antumbra_geom::Plane;
 use glam::DVec3;
 use std::collections::HashMap;
 
@@ -39,10 +40,7 @@ pub(super) fn classify<'a>(
     let mut class_of = vec![0; polygons.len()];
     for i in order {
         let polygon = polygons[i];
-        let own = Plane {
-            normal: polygon.normal,
-            point: vertices[polygon.point as usize],
-        };
+        let own = polygon.plane(vertices);
         let fits = |plane: &Plane| {
             polygon
                 .corners()

@@ -6,7 +6,7 @@
 //! two light of that size comes in. So corners move onto the planes of the surfaces that
 //! they belong to: three planes, as at the corner of a room, have a point in common.
 
-use super::outline::{Polygon, smallest_width, width};
+use super::outline::{Polygon, width};
 use crate::scene::Scene;
 use antumbra_geom::{DVec3, Plane, coarse_order, newell_normal, settled};
 use std::cmp::Ordering;
@@ -43,10 +43,7 @@ pub(super) fn onto_planes(
     // Those in place first, they do not move; then by size, and equally large ones by their
     // direction: the order of the file does not matter.
     let is_in_place = |p: &Polygon| {
-        let plane = Plane {
-            normal: p.normal,
-            point: vertices[p.point as usize],
-        };
+        let plane = p.plane(vertices);
         deviation(&plane, p, vertices) <= in_place
     };
     order.sort_by(|a, b| {
@@ -64,10 +61,7 @@ pub(super) fn onto_planes(
     let mut polygons_at: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     let mut farthest: BTreeMap<u32, f64> = BTreeMap::new();
     for (i, polygon) in order.iter().enumerate() {
-        let own = Plane {
-            normal: polygon.normal,
-            point: vertices[polygon.point as usize],
-        };
+        let own = polygon.plane(vertices);
         let tilted = deviation(&own, polygon, vertices);
         let is_off = needs_a_plane(polygon) && tilted > in_place;
         let plane = if is_off {
@@ -117,7 +111,7 @@ pub(super) fn onto_planes(
         let from = vertices[v as usize];
         let at = polygons_at.get(&v).into_iter().flatten();
         let planes: Vec<Plane> = at.map(|&i| planes[i]).collect();
-        let heights = |p: DVec3| planes.iter().map(move |plane| plane.height(p).abs());
+        let heights = |p: DVec3| planes.iter().map(move |plane| plane.distance(p).abs());
         let worst = |p: DVec3| heights(p).fold(0.0, f64::max);
         let to = settled(from, &planes, most);
         let leaves_none = heights(from)
@@ -131,10 +125,7 @@ pub(super) fn onto_planes(
         vertices[v as usize] = to;
     }
     for (polygon, plane) in order.into_iter().zip(planes) {
-        let own = Plane {
-            normal: polygon.normal,
-            point: vertices[polygon.point as usize],
-        };
+        let own = polygon.plane(vertices);
         if deviation(&plane, polygon, vertices) < deviation(&own, polygon, vertices) {
             polygon.normal = plane.normal * plane.normal.dot(own.normal).signum() + DVec3::ZERO;
         }
@@ -160,10 +151,7 @@ pub(super) fn onto_planes(
     let mut split = Vec::new();
     for (surface, parts) in polygons.iter_mut().enumerate() {
         let off = |polygon: &Polygon| {
-            let plane = Plane {
-                normal: polygon.normal,
-                point: vertices[polygon.point as usize],
-            };
+            let plane = polygon.plane(vertices);
             deviation(&plane, polygon, vertices)
         };
         let most = parts
@@ -210,20 +198,7 @@ fn triangles(polygon: &Polygon, vertices: &[DVec3], extent: f64) -> Vec<Polygon>
         .pieces
         .iter()
         .flat_map(best)
-        .filter_map(|triangle| {
-            let corners = corners_of(&triangle);
-            let width = width(&corners);
-            let newell = newell_normal(&corners);
-            (width > smallest_width(extent)).then(|| Polygon {
-                outline: triangle.to_vec(),
-                holes: Vec::new(),
-                pieces: vec![triangle.to_vec()],
-                normal: newell / newell.length() + DVec3::ZERO,
-                point: triangle[0],
-                area: newell.length() / 2.0,
-                width,
-            })
-        })
+        .filter_map(|triangle| Polygon::triangle(triangle, vertices, extent))
         .collect()
 }
 
@@ -277,7 +252,7 @@ fn needs_a_plane(polygon: &Polygon) -> bool {
 fn deviation(plane: &Plane, polygon: &Polygon, vertices: &[DVec3]) -> f64 {
     polygon
         .corners()
-        .map(|&v| plane.height(vertices[v as usize]).abs())
+        .map(|&v| plane.distance(vertices[v as usize]).abs())
         .fold(0.0, f64::max)
 }
 
