@@ -9,7 +9,7 @@ use crate::events::shaft::{Shaft, form};
 use crate::events::tracer::Tracer;
 use crate::events::{Event, EventKind};
 use crate::intervals::Intervals;
-use antumbra_geom::Stop;
+use antumbra_geom::{Stop, distance_to_segment_in_space};
 use antumbra_scene::{Aabb, EdgeId, FaceId, Scene};
 use glam::{DVec2, DVec3, DVec4, dvec2};
 use smallvec::SmallVec;
@@ -63,8 +63,9 @@ pub(crate) struct Sheet<'e, 's> {
     lamp: Vec<[DVec2; 2]>,
     /// What the lines must pass: edges, or the outline of a facet.
     layers: SmallVec<[Vec<DVec2>; 2]>,
-    /// Of a facet: on which sides of the plane other faces meet each of its edges.
-    beside: Vec<Beside>,
+    /// Of a facet: on which sides of the plane other faces meet each edge of its layer;
+    /// nothing for edges along which it is cut off.
+    beside: Vec<Option<Beside>>,
     /// The chords in which other surfaces cross the plane between receiver and emitter.
     blockers: Vec<[DVec2; 2]>,
     lamp_form: DVec4,
@@ -96,19 +97,35 @@ impl Beside {
     }
 }
 
-/// The sides of the other faces at every edge of a face's outline.
-fn beside(evaluator: &Evaluator<'_>, id: FaceId, normal: DVec3) -> Vec<Beside> {
+/// The sides of the other faces at every edge of a face, of which a part is left.
+///
+/// * `part` — what the planes of receiver and emitter leave of its outline.
+fn beside(
+    evaluator: &Evaluator<'_>,
+    id: FaceId,
+    normal: DVec3,
+    part: &[DVec3],
+) -> Vec<Option<Beside>> {
     let scene = evaluator.scene();
     let outline = &scene.face(id).outline;
-    (0..outline.len())
-        .map(|i| {
+    let near = 4.0 * scene.plane_tolerance();
+    (0..part.len())
+        .map(|k| {
+            // Corners in the plane of the receiver are cut off by the tolerance: what is
+            // left begins elsewhere in the outline.
+            let middle = (part[k] + part[(k + 1) % part.len()]) / 2.0;
+            let i = (0..outline.len()).find(|&i| {
+                let ends = [outline[i], outline[(i + 1) % outline.len()]];
+                let ends = ends.map(|v| scene.position(v));
+                distance_to_segment_in_space(ends, middle) <= near
+            })?;
             let edge = scene.edge_between(outline[i], outline[(i + 1) % outline.len()]);
             let faces = edge.map_or(&[][..], |e| evaluator.adjacency().faces_at(e));
             let heights = faces.iter().map(|at| normal.dot(at.inward));
-            Beside {
+            Some(Beside {
                 above: heights.clone().any(|h| h > 1e-9),
                 below: heights.clone().any(|h| h < -1e-9),
-            }
+            })
         })
         .collect()
 }
@@ -190,12 +207,12 @@ impl<'e, 's> Sheet<'e, 's> {
             if between.len() < 2 {
                 return None;
             }
+            if let Event::FacetPlane(id) = event {
+                sheet.beside = beside(evaluator, id, normal, &between);
+            }
             sheet
                 .layers
                 .push(between.into_iter().map(|p| sheet.flat(p)).collect());
-        }
-        if let Event::FacetPlane(id) = event {
-            sheet.beside = beside(evaluator, id, normal);
         }
         if sheet.lamp.is_empty() {
             return None;
@@ -349,7 +366,7 @@ impl<'e, 's> Sheet<'e, 's> {
         if is_emitters_edge {
             return hi.0 - 1.0;
         }
-        let side = |edge: usize| self.beside.get(edge).copied();
+        let side = |edge: usize| self.beside.get(edge).copied().flatten();
         let times = match (side(lo.1), side(hi.1)) {
             // A free plate hides the strip from both sides.
             (Some(Beside::NOTHING), Some(Beside::NOTHING)) if self.is_whole_facet() => 2.0,
@@ -362,7 +379,7 @@ impl<'e, 's> Sheet<'e, 's> {
 
     /// Is it a facet none of which is cut off by the planes of receiver and emitter?
     fn is_whole_facet(&self) -> bool {
-        self.layers.len() == 1 && self.layers[0].len() == self.beside.len()
+        !self.beside.is_empty() && self.beside.iter().all(Option::is_some)
     }
 
     /// The directions in the sheet that other surfaces block.
