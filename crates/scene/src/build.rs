@@ -1,9 +1,11 @@
 //! From what a file says to a valid [`Scene`]: one pass, all problems.
 //!
 //! The order matters: an exact change of coordinates, welding, outlines (repeats,
-//! keyholes, holes, planarity), corners moved onto planes, plane classes, edges, overlaps. Each tolerance is
+//! keyholes, holes, planarity), corners moved onto planes, plane classes, covered faces, edges,
+//! overlaps. Each tolerance is
 //! consulted once, here; what it decides is an id afterwards.
 
+mod covered;
 mod flat;
 mod frame;
 mod loops;
@@ -18,8 +20,10 @@ use crate::bvh::{Aabb, BoxTree};
 use crate::input::{LengthUnit, SceneInput};
 use crate::problem::{Problem, Severity};
 use crate::scene::{
-    Edge, Face, FaceId, Frame, MaterialId, Piece, PlaneId, Scene, Surface, SurfaceId, VertexId,
+    Edge, Face, FaceId, Frame, Material, MaterialId, Piece, PlaneId, Scene, Surface, SurfaceId,
+    VertexId,
 };
+use covered::{Part, Sheet};
 use glam::DVec3;
 use outline::Polygon;
 use std::collections::BTreeMap;
@@ -92,12 +96,33 @@ impl Scene {
         let tolerance = extent * Self::PLANE_TOLERANCE;
         let (planes, class_of) = planes::classify(polygons.iter().flatten(), &vertices, tolerance);
         let material_ids = materials::ids(input);
+        let list = sheets(polygons, class_of, |s| {
+            let material = material_ids[s].and_then(|m| materials.get(m.index()));
+            material.is_some_and(|m| m.two_sided)
+        });
+        let sheets = covered::Sheets {
+            list,
+            vertices: &mut vertices,
+            planes: &planes,
+            extent,
+        };
+        let (parts, undivided) = sheets.parts(input.surfaces.len());
+        for pair in undivided {
+            findings.not_divided(pair.map(|s| input.surfaces[s].name.clone()));
+        }
+        let covered_material = Material {
+            name: "covered".to_owned(),
+            reflectance: vec![0.0; n_bands],
+            exitance: vec![0.0; n_bands],
+            two_sided: false,
+        };
         let mut scene = Self {
             length_unit: input.length_unit,
             quantity: input.quantity,
             frame,
             n_bands,
             materials,
+            covered_material,
             surfaces: Vec::with_capacity(input.surfaces.len()),
             vertices,
             faces: Vec::new(),
@@ -107,25 +132,14 @@ impl Scene {
             tree: BoxTree::default(),
             extent,
         };
-        let mut class_of = class_of.into_iter();
-        for (s, (surface, polygons)) in input.surfaces.iter().zip(polygons).enumerate() {
+        for ((s, surface), parts) in input.surfaces.iter().enumerate().zip(parts) {
             let first = scene.faces.len() as u32;
-            let material = material_ids[s];
-            let two_sided = material
-                .and_then(|m| scene.materials.get(m.index()))
-                .is_some_and(|m| m.two_sided);
-            let classes: Vec<(PlaneId, bool)> = class_of.by_ref().take(polygons.len()).collect();
-            for (polygon, &class) in polygons.iter().zip(&classes) {
-                scene.push_face(SurfaceId(s as u32), polygon, class, false);
-            }
-            if two_sided {
-                for (polygon, &class) in polygons.iter().zip(&classes) {
-                    scene.push_face(SurfaceId(s as u32), polygon, class, true);
-                }
+            for part in &parts {
+                scene.push_face(SurfaceId(s as u32), part);
             }
             scene.surfaces.push(Surface {
                 name: surface.name.clone(),
-                material: material.unwrap_or(MaterialId(0)),
+                material: material_ids[s].unwrap_or(MaterialId(0)),
                 faces: first..scene.faces.len() as u32,
             });
         }
@@ -155,13 +169,8 @@ impl Scene {
         }
     }
 
-    fn push_face(
-        &mut self,
-        surface: SurfaceId,
-        polygon: &Polygon,
-        (plane, along): (PlaneId, bool),
-        is_back: bool,
-    ) {
+    fn push_face(&mut self, surface: SurfaceId, part: &Part) {
+        let (polygon, is_back) = (&part.polygon, part.is_back);
         let turned = |corners: &[u32]| -> Vec<VertexId> {
             let ids = corners.iter().map(|&v| VertexId(v));
             if is_back {
@@ -176,14 +185,15 @@ impl Scene {
             face,
             vertices: turned(piece),
         }));
-        let along_plane = along != is_back;
-        let normal = self.planes[plane.index()].normal;
+        let along_plane = part.along != is_back;
+        let normal = self.planes[part.plane.index()].normal;
         self.faces.push(Face {
             surface,
             is_back,
+            is_covered: part.is_covered,
             outline: turned(&polygon.outline),
             holes: polygon.holes.iter().map(|hole| turned(hole)).collect(),
-            plane,
+            plane: part.plane,
             normal: if along_plane {
                 normal
             } else {
@@ -208,6 +218,31 @@ impl Scene {
             })
             .collect()
     }
+}
+
+/// All polygons, by surface, with their planes.
+///
+/// * `class_of` — of every polygon its plane, and whether it faces along it.
+fn sheets(
+    polygons: Vec<Vec<Polygon>>,
+    class_of: Vec<(PlaneId, bool)>,
+    is_two_sided: impl Fn(usize) -> bool,
+) -> Vec<Sheet> {
+    let of_surface = |(surface, polygons): (usize, Vec<Polygon>)| {
+        let with_surface = move |polygon| (surface, polygon);
+        polygons.into_iter().map(with_surface)
+    };
+    let polygons = polygons.into_iter().enumerate().flat_map(of_surface);
+    polygons
+        .zip(class_of)
+        .map(|((surface, polygon), (plane, along))| Sheet {
+            polygon,
+            surface,
+            is_two_sided: is_two_sided(surface),
+            plane,
+            along,
+        })
+        .collect()
 }
 
 /// Forgets vertices that no polygon uses; the order of the others stays.
@@ -419,6 +454,14 @@ impl Findings {
                 message,
             },
         );
+    }
+
+    /// Two surfaces cover each other, and where is not known.
+    fn not_divided(&mut self, [a, b]: [String; 2]) {
+        let message = format!(
+            "surfaces '{a}' and '{b}' cover each other, but where their borders meet is not known well enough to tell what is covered: taken for a thin plate"
+        );
+        self.warning(Self::SCENE, "not-divided", vec![a, b], message);
     }
 
     /// Adds the numbers to the last finding.

@@ -21,7 +21,7 @@ pub use bvh::{Aabb, BoxTree};
 pub use input::{LengthUnit, MaterialInput, Quantity, SceneInput, SurfaceInput};
 pub use open_rooms::OpenRoom;
 pub use problem::{Problem, Severity};
-pub use report::GeometryReport;
+pub use report::{CoveredArea, GeometryReport};
 pub use scene::{
     Edge, EdgeId, Face, FaceId, Frame, Material, MaterialId, Piece, PlaneId, Scene, Side, Surface,
     SurfaceId, VertexId,

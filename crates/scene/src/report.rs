@@ -1,7 +1,7 @@
 //! What can be said of a scene's geometry at a glance: counts, gaps, units.
 
 use crate::bvh::{Aabb, BoxTree};
-use crate::scene::{Scene, SurfaceId, VertexId};
+use crate::scene::{Face, Scene, Surface, SurfaceId, VertexId};
 use glam::DVec3;
 use std::collections::BTreeMap;
 
@@ -31,10 +31,27 @@ pub struct GeometryReport {
     pub extent: DVec3,
     /// Extents along the axes, metres.
     pub extent_metres: DVec3,
-    /// Sum of the areas of the fronts, square file units.
+    /// Sum of the uncovered areas of the fronts, square file units.
     pub area: f64,
-    /// Sum of the areas of the fronts, square metres.
+    /// The same in square metres.
     pub area_square_metres: f64,
+    /// Sum of the areas of the fronts, covered or not, square file units.
+    pub geometric_area: f64,
+    /// What bodies that stand on one another cover of it, square file units.
+    pub covered_area: f64,
+}
+
+/// How much of one side of a surface is covered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoveredArea {
+    /// The surface.
+    pub surface: SurfaceId,
+    /// Is it its back?
+    pub is_back: bool,
+    /// The area of the side, square file units.
+    pub geometric_area: f64,
+    /// What of it receives and sends nothing, square file units.
+    pub covered_area: f64,
 }
 
 impl Scene {
@@ -51,9 +68,13 @@ impl Scene {
         };
         let bounds = self.bounds();
         let extent = (bounds.max - bounds.min) / self.frame.scale;
-        let area = self
-            .frame
-            .area_to_file(fronts().map(|face| face.area).sum());
+        let sum = |is_wanted: &dyn Fn(&Face) -> bool| {
+            let areas = fronts()
+                .filter(|face| is_wanted(face))
+                .map(|face| face.area);
+            self.frame.area_to_file(areas.sum())
+        };
+        let area = sum(&|face| !face.is_covered);
         let metre = self.length_unit.in_metres();
         GeometryReport {
             surfaces: self.surfaces.len(),
@@ -69,10 +90,36 @@ impl Scene {
             extent_metres: extent * metre,
             area,
             area_square_metres: area * metre * metre,
+            geometric_area: sum(&|_| true),
+            covered_area: sum(&|face| face.is_covered),
         }
     }
 
-    /// The area of the fronts of a surface, square file units.
+    /// The sides of which something is covered, fronts before backs, in the order of the
+    /// surfaces.
+    #[must_use]
+    pub fn covered_areas(&self) -> Vec<CoveredArea> {
+        let of_side = |(i, surface): (usize, &Surface), is_back: bool| {
+            let faces = &self.faces[surface.faces.start as usize..surface.faces.end as usize];
+            let sum = |faces: &mut dyn Iterator<Item = &Face>| {
+                self.frame.area_to_file(faces.map(|f| f.area).sum())
+            };
+            let side = || faces.iter().filter(move |f| f.is_back == is_back);
+            CoveredArea {
+                surface: SurfaceId(i as u32),
+                is_back,
+                geometric_area: sum(&mut side()),
+                covered_area: sum(&mut side().filter(|f| f.is_covered)),
+            }
+        };
+        let surfaces = self.surfaces.iter().enumerate();
+        surfaces
+            .flat_map(|surface| [false, true].map(|is_back| of_side(surface, is_back)))
+            .filter(|side| side.covered_area > 0.0)
+            .collect()
+    }
+
+    /// The area of the fronts of a surface, covered or not, square file units.
     #[must_use]
     pub fn surface_area(&self, surface: SurfaceId) -> f64 {
         let faces = self.surfaces[surface.index()].faces.clone();

@@ -107,8 +107,9 @@ pub struct Surface {
     pub name: String,
     /// Its material.
     pub material: MaterialId,
-    /// Its faces; fronts first, then the backs of a two-sided surface. Empty if
-    /// the surface was dropped with a warning.
+    /// Its faces; fronts first, then the backs of a two-sided surface. Several fronts if it
+    /// had to be split, or if something covers a part. Empty if the surface was dropped
+    /// with a warning.
     pub faces: Range<u32>,
 }
 
@@ -120,6 +121,9 @@ pub struct Face {
     pub surface: SurfaceId,
     /// Is it the back of a two-sided surface? Backs do not occlude again.
     pub is_back: bool,
+    /// Is a body pressed on it, or it on one? It receives and sends nothing, and still
+    /// hides what is behind it.
+    pub is_covered: bool,
     /// Outline, counter-clockwise seen from the front.
     pub outline: Vec<VertexId>,
     /// Holes, clockwise seen from the front.
@@ -175,6 +179,8 @@ pub struct Scene {
     pub n_bands: usize,
     /// Materials.
     pub materials: Vec<Material>,
+    /// Black, for covered faces.
+    pub(crate) covered_material: Material,
     /// Surfaces, in the order of the file.
     pub surfaces: Vec<Surface>,
     /// Welded vertices, scene units.
@@ -229,9 +235,12 @@ impl Scene {
         &self.faces[face.index()]
     }
 
-    /// The material of a face.
+    /// The material of a face; a black one if it is covered.
     #[must_use]
     pub fn material(&self, face: FaceId) -> &Material {
+        if self.face(face).is_covered {
+            return &self.covered_material;
+        }
         let surface = &self.surfaces[self.face(face).surface.index()];
         &self.materials[surface.material.index()]
     }

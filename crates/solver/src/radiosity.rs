@@ -741,7 +741,8 @@ impl<'e, 's> Pairs<'e, 's> {
             .map(|k| {
                 let (r, s) = (k / n, k % n);
                 let (a, b) = (scene.face(faces[r]), scene.face(faces[s]));
-                if r == s || a.plane == b.plane || stop.is_wanted() {
+                let is_covered = a.is_covered || b.is_covered;
+                if r == s || a.plane == b.plane || is_covered || stop.is_wanted() {
                     return None;
                 }
                 evaluator.between(

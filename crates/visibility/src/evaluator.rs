@@ -243,7 +243,7 @@ impl<'s> Evaluator<'s> {
             .emitters
             .iter()
             .map(|emitter| {
-                if emitter.plane == face.plane {
+                if emitter.plane == face.plane || face.is_covered {
                     return None;
                 }
                 let lamp = self.scene.positions(&self.scene.face(emitter.face).outline);
@@ -265,10 +265,14 @@ impl<'s> Evaluator<'s> {
     #[must_use]
     pub fn unprepared_view(&self, receiver: FaceId) -> View {
         let face = self.scene.face(receiver);
-        View {
+        let mut view = View {
             plane: Some(face.plane),
             ..self.free_view(face.normal)
+        };
+        if face.is_covered {
+            view.candidates.fill(None);
         }
+        view
     }
 
     /// Prepares evaluations at free sensors with this unit normal.

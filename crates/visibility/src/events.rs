@@ -230,6 +230,9 @@ pub fn critical_curves_until(
     contact_radius: f64,
     stop: Stop<'_>,
 ) -> Option<CriticalCurves> {
+    if evaluator.scene().face(receiver).is_covered {
+        return Some(CriticalCurves::default());
+    }
     let mut tracer = Tracer::new(evaluator, receiver, contact_radius, stop);
     if kinds.contains(EventKind::Contact) {
         tracer.contacts();

@@ -4,7 +4,7 @@ use super::{Findings, Units};
 use crate::bvh::{Aabb, BoxTree};
 use crate::problem::{Problem, Severity};
 use crate::scene::{FaceId, Scene, SurfaceId};
-use antumbra_geom::{DVec2, signed_area};
+use antumbra_geom::{DVec2, bounding_box, signed_area};
 use std::collections::BTreeMap;
 
 /// Overlaps smaller than this part of the smaller face are rounding.
@@ -21,7 +21,8 @@ struct Overlap {
 /// Reports overlaps: of two emitters an error, else a warning.
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     let mut groups: BTreeMap<(u32, bool), Vec<FaceId>> = BTreeMap::new();
-    for f in scene.face_ids() {
+    // What is covered has no light to count twice.
+    for f in scene.face_ids().filter(|&f| !scene.face(f).is_covered) {
         let face = scene.face(f);
         groups
             .entry((face.plane.0, face.along_plane))
@@ -82,15 +83,9 @@ fn overlaps_in(
             if a.surface == b.surface || !boxes[j].1.meets(query) {
                 continue;
             }
-            let area: f64 = pieces[i]
-                .iter()
-                .flat_map(|p| pieces[j].iter().map(move |q| common_area(p, q)))
-                .sum();
-            let smaller = a.area.min(b.area);
-            let length = (query.max - query.min)
-                .length()
-                .min((boxes[j].1.max - boxes[j].1.min).length());
-            if area > ALLOWED * smaller && area > scene.plane_tolerance() * length {
+            let areas = [a, b].map(|face| face.area);
+            let both = [pieces[i].as_slice(), pieces[j].as_slice()];
+            if let Some(area) = overlap_area(both, areas, scene.plane_tolerance()) {
                 let is_duplicate = same_corners(scene, faces[i], faces[j]);
                 let key = (a.surface.min(b.surface), a.surface.max(b.surface));
                 let entry = overlaps.entry(key).or_insert(Overlap {
@@ -102,6 +97,28 @@ fn overlaps_in(
             }
         }
     }
+}
+
+/// What two polygons of one plane have in common, if that is more than rounding.
+///
+/// * `pieces` — the convex pieces of each in a common chart, counter-clockwise.
+/// * `tolerance` — polygons that reach this far into each other only touch.
+pub(super) fn overlap_area(
+    pieces: [&[Vec<DVec2>]; 2],
+    areas: [f64; 2],
+    tolerance: f64,
+) -> Option<f64> {
+    let [first, second] = pieces;
+    let pairs = first
+        .iter()
+        .flat_map(|p| second.iter().map(move |q| (p, q)));
+    let area: f64 = pairs.map(|(p, q)| common_area(p, q)).sum();
+    let [length, other] = pieces.map(|pieces| {
+        let [min, max] = bounding_box(pieces.iter().flatten().copied());
+        min.distance(max)
+    });
+    let is_more = area > ALLOWED * areas[0].min(areas[1]) && area > tolerance * length.min(other);
+    is_more.then_some(area)
 }
 
 /// Have both faces the same corners?

@@ -191,11 +191,13 @@ fn is_checked(a: FaceId, b: FaceId, n_pairs: usize) -> bool {
     (key >> 40).is_multiple_of(n_pairs.div_ceil(CHECKED) as u64)
 }
 
-/// The area of every surface, both sides of two-sided ones; square scene units.
+/// The uncovered area of every surface, both sides of two-sided ones; square scene units.
 fn surface_areas(scene: &Scene) -> Vec<f64> {
     let area = |s: &Surface| {
         let faces = &scene.faces[s.faces.start as usize..s.faces.end as usize];
-        faces.iter().map(|f| f.area).sum()
+        let uncovered = faces.iter().filter(|f| !f.is_covered);
+        // An empty sum is −0.
+        uncovered.map(|f| f.area).sum::<f64>() + 0.0
     };
     scene.surfaces.iter().map(area).collect()
 }

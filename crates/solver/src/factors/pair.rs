@@ -90,7 +90,7 @@ impl Pair {
     pub(crate) fn new(evaluator: &Evaluator<'_>, a: FaceId, b: FaceId) -> Option<Self> {
         let scene = evaluator.scene();
         let (face_a, face_b) = (scene.face(a), scene.face(b));
-        if face_a.plane == face_b.plane {
+        if face_a.plane == face_b.plane || face_a.is_covered || face_b.is_covered {
             return None;
         }
         let [outline_a, outline_b] = [face_a, face_b].map(|f| scene.positions(&f.outline));
