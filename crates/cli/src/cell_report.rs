@@ -76,6 +76,7 @@ pub(crate) fn document(
         "estimator": options.estimator.key(),
         "surfaces": scene.surfaces.len(),
         "emitters": scene.emitters().count(),
+        "covered": crate::report::covered(scene),
         "receivers": receivers.len(),
         "elements": n_elements,
         "triangles": n_elements - n_quads,

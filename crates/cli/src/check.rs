@@ -4,6 +4,7 @@ use crate::Ending;
 use crate::args::Check;
 use crate::failure::Failure;
 use crate::input;
+use crate::report::covered;
 use crate::say::say;
 use antumbra::{Problem, Scene, Severity};
 use serde_json::{Value, json};
@@ -38,6 +39,9 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
                     "extent": report.extent.to_array(),
                     "extent_metres": report.extent_metres.to_array(),
                     "area": report.area,
+                    "geometric_area": report.geometric_area,
+                    "covered_area": report.covered_area,
+                    "covered": covered(&built.scene),
                     "length_unit": built.scene.length_unit.symbol(),
                     "quantity": built.scene.quantity.name(),
                     "notes": input.notes,
@@ -77,6 +81,13 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
                 report.open_edges,
                 report.t_vertices,
             );
+            if report.covered_area > 0.0 {
+                say!(
+                    "covered by what stands there: {} {unit}² of {} surfaces, not in the area",
+                    tidy(report.covered_area),
+                    built.scene.covered_areas().len(),
+                );
+            }
             Ok(Ending::Done)
         }
         Err(found) => {

@@ -6,6 +6,7 @@ use crate::failure::Failure;
 use crate::input::{self, Loaded};
 use crate::output;
 use crate::progress::{Watch, peak_memory};
+use crate::report::covered;
 use crate::say::say;
 use antumbra::io::model::FactorTable;
 use antumbra::{FactorOptions, FormFactors, Repair};
@@ -102,6 +103,7 @@ fn document(
         })),
         "names": table.names,
         "areas": table.areas,
+        "covered": covered(&loaded.scene),
         "row_sums": table.row_sums(),
         "factors": table.rows().collect::<Vec<_>>(),
         "seconds": { "total": total },

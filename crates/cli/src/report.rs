@@ -68,6 +68,7 @@ pub(crate) fn document(
         "surfaces": scene.surfaces.len(),
         "emitters": scene.emitters().count(),
         "receivers": meshes.receivers.len(),
+        "covered": covered(scene),
         "elements": n_elements,
         "nodes": n_nodes,
         "t_vertices": 0,
@@ -177,6 +178,20 @@ pub(crate) fn interreflection(
         })
         .collect();
     object.insert("row_sums".into(), json!(sums));
+}
+
+/// The sides of surfaces that bodies standing on them cover, in part or wholly.
+pub(crate) fn covered(scene: &Scene) -> Value {
+    let sides = scene.covered_areas();
+    let entries = sides.iter().map(|side| {
+        json!({
+            "surface": scene.surfaces[side.surface.index()].name,
+            "back": side.is_back,
+            "geometric_area": side.geometric_area,
+            "covered_area": side.covered_area,
+        })
+    });
+    entries.collect()
 }
 
 /// The highest degree of any receiver: steps after meshing raise it on some.
