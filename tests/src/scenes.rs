@@ -185,6 +185,21 @@ pub fn only_face(scene: &antumbra::Scene, surface: &str) -> antumbra::scene::Fac
     antumbra::scene::FaceId(faces.start)
 }
 
+/// The faces of a surface's front: several if something covers a part of it.
+///
+/// # Panics
+///
+/// If there is no such surface.
+#[must_use]
+pub fn front_faces(scene: &antumbra::Scene, surface: &str) -> Vec<antumbra::scene::FaceId> {
+    let id = scene
+        .surface_named(surface)
+        .unwrap_or_else(|| panic!("no surface '{surface}'"));
+    let faces = scene.surfaces[id.index()].faces.clone();
+    let faces = faces.map(antumbra::scene::FaceId);
+    faces.filter(|&f| !scene.face(f).is_back).collect()
+}
+
 /// A place on a named surface.
 ///
 /// # Panics

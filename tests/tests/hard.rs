@@ -8,7 +8,7 @@ use antumbra::{Control, Options, ReceiverMesh, Scene, Tolerance, mesh_order_key}
 use antumbra_tests::cases::{build, fixture, fixtures, json_files};
 use antumbra_tests::check_points::compare;
 use antumbra_tests::motion::Motion;
-use glam::DVec2;
+use glam::{DVec2, dvec3};
 use rayon::prelude::*;
 use std::fmt::Write as _;
 
@@ -132,7 +132,15 @@ fn nothing_leaks_into_closed_places() {
         let scene = build(&fixture(&format!("hard/{name}")));
         let meshed = antumbra::mesh(&scene, &options(1e-3), &Control::default())
             .unwrap_or_else(|e| panic!("{name}: {e}"));
-        let face = antumbra_tests::scenes::only_face(&scene, surface);
+        // Horizontal, at the height of the surface.
+        let [low, high] = region;
+        let first = antumbra_tests::scenes::only_face(&scene, surface);
+        let height = scene
+            .frame
+            .to_file(scene.position(scene.face(first).outline[0]))
+            .z;
+        let middle = dvec3(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), height);
+        let face = antumbra_tests::scenes::place(&scene, surface, middle).face;
         let mesh = &meshed.direct.receivers[face.index()];
         assert!(
             is_dark(&scene, mesh, face, region),

@@ -10,7 +10,7 @@ use antumbra_tests::cases::{build, fixture};
 use antumbra_tests::motion::Motion;
 use antumbra_tests::random::SplitMix;
 use antumbra_tests::scenes::{
-    Facing, add, add_box, add_horizontal, add_room, empty, exact, only_face, points_on,
+    Facing, add, add_box, add_horizontal, add_room, empty, exact, front_faces, place, points_on,
 };
 use glam::{DVec3, dvec3};
 
@@ -72,10 +72,14 @@ fn is_dark_in_mesh(scene: &SceneInput, surfaces: &[&str]) {
         let meshed = antumbra::mesh(&scene, &limited(), &Control::default())
             .unwrap_or_else(|e| panic!("{e}"));
         for name in surfaces {
-            let mesh = &meshed.direct.receivers[only_face(&scene, name).index()];
-            for (uv, &e) in mesh.nodes.iter().zip(&mesh.direct) {
-                let p = scene.frame.to_file(mesh.chart.to_space(*uv));
-                let p = motion.inverse().point(p);
+            let meshes = front_faces(&scene, name);
+            let meshes = meshes.iter().map(|f| &meshed.direct.receivers[f.index()]);
+            let nodes = meshes.flat_map(|mesh| {
+                let places = mesh.nodes.iter().map(|&uv| mesh.chart.to_space(uv));
+                places.zip(&mesh.direct)
+            });
+            for (p, &e) in nodes {
+                let p = motion.inverse().point(scene.frame.to_file(p));
                 assert!(e <= allowed, "{e:e} leaks onto {name} at the node {p}");
             }
         }
@@ -90,7 +94,9 @@ fn is_dark_in_elements(scene: &SceneInput, region: &Dark, allowed: f64) {
         let meshed = antumbra::mesh(&scene, &limited(), &Control::default())
             .unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(meshed.direct.ended, Ended::ToleranceReached);
-        let mesh = &meshed.direct.receivers[only_face(&scene, &region.surface).index()];
+        let middle = region.origin + 0.5 * (region.u + region.v);
+        let face = place(&scene, &region.surface, motion.point(middle)).face;
+        let mesh = &meshed.direct.receivers[face.index()];
         let (u_sq, v_sq) = (region.u.length_squared(), region.v.length_squared());
         let back = motion.inverse();
         let mut n_inside = 0;

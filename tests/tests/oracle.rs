@@ -203,6 +203,10 @@ fn meshes_of_hard_scenes_agree_with_sampling() {
             let normal = scene.face(mesh.face).normal;
             let mut wrong = Vec::new();
             for p in inner_points(written, 6, 99) {
+                // What is covered has a mesh of its own.
+                if antumbra_tests::scenes::place(&scene, &surface.name, p).face != mesh.face {
+                    continue;
+                }
                 let uv = mesh.chart.to_chart(scene.frame.to_scene(p));
                 let Some((element, at)) = mesh.locate(uv) else {
                     wrong.push(format!("{name}, {}: {p} is in no element", surface.name));
