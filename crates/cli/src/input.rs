@@ -113,12 +113,45 @@ fn rad(common: &Common) -> Result<antumbra::SceneInput, Failure> {
     })
 }
 
-/// Reads and checks a scene; warnings are shown unless `--quiet`.
+/// What a scene is read for: which findings matter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    /// Light that comes straight from emitters.
+    Direct,
+    /// Light that goes on, and may leave where it should not.
+    Interreflection,
+    /// Form factors, which no surface needs to emit for.
+    Factors,
+}
+
+/// Reads and checks a scene for direct light; warnings are shown unless `--quiet`.
 pub(crate) fn load(common: &Common) -> Result<Loaded, Failure> {
+    load_for(common, Purpose::Direct)
+}
+
+/// What is worth saying of a scene that is accepted: rooms that are open, surfaces that
+/// face the wrong way, corners that miss each other.
+pub(crate) fn doubts(scene: &Scene, input: &antumbra::SceneInput) -> Vec<Problem> {
+    let mut doubts = scene.room_problems();
+    doubts.extend(input.corner_gaps().map(|mut gaps| {
+        gaps.message.push_str(" (--weld)");
+        gaps
+    }));
+    doubts
+}
+
+/// Reads and checks a scene; warnings are shown unless `--quiet`.
+pub(crate) fn load_for(common: &Common, purpose: Purpose) -> Result<Loaded, Failure> {
     let input = read(common)?;
     let notes = input.notes.clone();
     match Scene::build(&input) {
-        Ok(built) => {
+        Ok(mut built) => {
+            if purpose != Purpose::Direct {
+                built.warnings.extend(doubts(&built.scene, &input));
+            }
+            if purpose == Purpose::Factors {
+                built.warnings.retain(|w| w.kind != "no-emitter");
+            }
             if !common.quiet {
                 for note in &notes {
                     eprintln!("{}: {note}", label("note", common));

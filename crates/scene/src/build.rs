@@ -358,7 +358,7 @@ pub(crate) fn short(x: f64) -> String {
 }
 
 /// Up to four names, and how many more there are.
-fn listed(names: &[String]) -> String {
+pub(crate) fn listed(names: &[String]) -> String {
     const SHOWN: usize = 4;
     let mut text = names
         .iter()

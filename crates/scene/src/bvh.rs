@@ -52,6 +52,23 @@ impl Aabb {
         self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
     }
 
+    /// Does the box, wider by a margin on all sides, meet the segment from `a` to `b`?
+    /// True too where it misses it by rounding that the margin is larger than.
+    #[must_use]
+    pub fn meets_segment(&self, a: DVec3, b: DVec3, margin: f64) -> bool {
+        let (low, high) = (self.min - margin, self.max + margin);
+        let along = b - a;
+        let mut range = (0.0f64, 1.0f64);
+        (0..3).all(|k| {
+            if along[k].abs() <= margin {
+                return a[k].min(b[k]) <= high[k] && low[k] <= a[k].max(b[k]);
+            }
+            let (s, t) = ((low[k] - a[k]) / along[k], (high[k] - a[k]) / along[k]);
+            range = (range.0.max(s.min(t)), range.1.min(s.max(t)));
+            range.0 <= range.1
+        })
+    }
+
     /// The largest value of `normal · x` over the box.
     #[must_use]
     pub fn max_along(&self, normal: DVec3) -> f64 {
