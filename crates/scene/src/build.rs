@@ -8,6 +8,7 @@ mod flat;
 mod frame;
 mod loops;
 mod materials;
+mod near;
 mod outline;
 mod overlap;
 mod planes;

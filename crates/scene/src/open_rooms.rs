@@ -136,7 +136,10 @@ impl Scene {
         let joints = Joints::new(self);
         let components = joints.components();
         let loose = joints.without_partners();
-        let flipped = components.iter().flat_map(|c| flipped::find(&joints, c));
+        let middles = flipped::Middles::default();
+        let flipped = components
+            .iter()
+            .flat_map(|c| flipped::find(&joints, &middles, c));
         let open = components.iter().filter_map(|c| open(&joints, &loose, c));
         let mut problems: Vec<Problem> = flipped.collect();
         problems.extend(open.map(|room| room.problem(self)));

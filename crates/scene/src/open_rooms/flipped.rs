@@ -13,18 +13,50 @@
 use super::joints::{Component, Joints, Shell};
 use super::{MOSTLY_JOINED, SURROUNDING};
 use crate::build::listed;
-use crate::bvh::Aabb;
+use crate::bvh::{Aabb, BoxTree};
 use crate::problem::{Problem, Severity};
-use crate::scene::SurfaceId;
+use crate::scene::{FaceId, Scene, SurfaceId};
 use glam::DVec3;
+use std::cell::OnceCell;
+use std::collections::BTreeSet;
 
-/// What is thinner than this many plane tolerances surrounds nothing: sheets back to back.
-const THIN: f64 = 1e3;
 /// So many other surfaces are asked at most whether they lie within.
 const ASKED: usize = 64;
 
+/// Where the surfaces of a scene are: the middles of their corners.
+#[derive(Default)]
+pub(super) struct Middles {
+    places: OnceCell<(Vec<(u32, Aabb)>, BoxTree)>,
+}
+
+impl Middles {
+    /// The surfaces with their middles in a box, ascending, and those middles.
+    fn within(&self, scene: &Scene, bounds: &Aabb) -> Vec<(SurfaceId, DVec3)> {
+        let (boxes, tree) = self.places.get_or_init(|| {
+            let middle = |s: usize| {
+                let first = scene.surfaces[s].faces.clone().next()?;
+                let corners = scene.positions(&scene.faces[first as usize].outline);
+                let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
+                Some((s as u32, Aabb::of([middle])))
+            };
+            let boxes: Vec<_> = (0..scene.surfaces.len()).filter_map(middle).collect();
+            let tree = BoxTree::new(&boxes);
+            (boxes, tree)
+        });
+        let mut found = Vec::new();
+        tree.visit(|node| node.meets(bounds), |s| found.push(s));
+        found.sort_unstable();
+        let place = |s: u32| {
+            let i = boxes.binary_search_by_key(&s, |(s, _)| *s).ok()?;
+            let middle = boxes[i].1;
+            middle.meets(bounds).then_some((SurfaceId(s), middle.min))
+        };
+        found.into_iter().filter_map(place).collect()
+    }
+}
+
 /// A finding for every shell of a component in which surfaces are flipped.
-pub(super) fn find(joints: &Joints<'_>, component: &Component) -> Vec<Problem> {
+pub(super) fn find(joints: &Joints<'_>, middles: &Middles, component: &Component) -> Vec<Problem> {
     let shells = joints.shells(component);
     let is_mixed = |shell: &&Shell| {
         let has = |s: f64| shell.faces.iter().any(|&(_, sign)| sign * s > 0.0);
@@ -34,7 +66,9 @@ pub(super) fn find(joints: &Joints<'_>, component: &Component) -> Vec<Problem> {
     if mixed.is_empty() || !surrounds(joints, component, &shells) {
         return Vec::new();
     }
-    let flipped = mixed.into_iter().filter_map(|shell| flipped(joints, shell));
+    let flipped = mixed
+        .into_iter()
+        .filter_map(|shell| flipped(joints, middles, shell));
     flipped
         .map(|(surfaces, n)| problem(joints, &surfaces, n))
         .collect()
@@ -54,7 +88,11 @@ fn surrounds(joints: &Joints<'_>, component: &Component, shells: &[Shell]) -> bo
 }
 
 /// The flipped surfaces of a shell, ascending, and of how many.
-fn flipped(joints: &Joints<'_>, shell: &Shell) -> Option<(Vec<SurfaceId>, usize)> {
+fn flipped(
+    joints: &Joints<'_>,
+    middles: &Middles,
+    shell: &Shell,
+) -> Option<(Vec<SurfaceId>, usize)> {
     let scene = joints.scene;
     let face = |f: u32| &scene.faces[f as usize];
     let corners = shell.faces.iter().flat_map(|&(f, _)| &face(f).outline);
@@ -62,7 +100,7 @@ fn flipped(joints: &Joints<'_>, shell: &Shell) -> Option<(Vec<SurfaceId>, usize)
     let centre = bounds.min.midpoint(bounds.max);
     // Positive if faces of positive sign face outwards.
     let (mut volume, mut area) = (0.0, [0.0; 2]);
-    let is_two_sided = |f: u32| scene.material(crate::scene::FaceId(f)).two_sided;
+    let is_two_sided = |f: u32| scene.material(FaceId(f)).two_sided;
     for &(f, sign) in &shell.faces {
         let plane = &scene.planes[face(f).plane.index()];
         volume += sign * face(f).area * face(f).normal.dot(plane.point - centre) / 3.0;
@@ -71,10 +109,11 @@ fn flipped(joints: &Joints<'_>, shell: &Shell) -> Option<(Vec<SurfaceId>, usize)
         }
     }
     let whole: f64 = shell.faces.iter().map(|&(f, _)| face(f).area).sum();
-    if area.contains(&0.0) || f64::abs(volume) <= THIN * scene.plane_tolerance() * whole {
+    // What is thinner than corners are joined surrounds nothing: sheets back to back.
+    if area.contains(&0.0) || f64::abs(volume) <= joints.tolerance * whole {
         return None;
     }
-    let wrong = if encloses(joints, shell, &bounds) {
+    let wrong = if encloses(joints, middles, shell, &bounds) {
         volume.signum()
     } else if area[0] < area[1] {
         1.0
@@ -96,25 +135,13 @@ fn flipped(joints: &Joints<'_>, shell: &Shell) -> Option<(Vec<SurfaceId>, usize)
 }
 
 /// Does a surface that is no part of it lie within a shell?
-fn encloses(joints: &Joints<'_>, shell: &Shell, bounds: &Aabb) -> bool {
+fn encloses(joints: &Joints<'_>, middles: &Middles, shell: &Shell, bounds: &Aabb) -> bool {
     let scene = joints.scene;
-    let mut own: Vec<SurfaceId> = Vec::with_capacity(shell.faces.len());
-    own.extend(
-        shell
-            .faces
-            .iter()
-            .map(|&(f, _)| scene.faces[f as usize].surface),
-    );
-    own.sort_unstable();
-    let others = (0..scene.surfaces.len() as u32).map(SurfaceId);
-    let others = others.filter(|s| own.binary_search(s).is_err());
-    let middles = others.filter_map(|s| {
-        let first = scene.surfaces[s.index()].faces.clone().next()?;
-        let corners = scene.positions(&scene.faces[first as usize].outline);
-        Some(corners.iter().sum::<DVec3>() / corners.len() as f64)
-    });
-    let near = middles.filter(|&p| bounds.meets(&Aabb { min: p, max: p }));
-    near.take(ASKED).any(|p| is_within(joints, shell, p))
+    let own = shell.faces.iter();
+    let own: BTreeSet<SurfaceId> = own.map(|&(f, _)| scene.faces[f as usize].surface).collect();
+    let near = middles.within(scene, bounds).into_iter();
+    let others = near.filter(|(s, _)| !own.contains(s)).take(ASKED);
+    others.into_iter().any(|(_, p)| is_within(joints, shell, p))
 }
 
 /// Does a shell, turned one way, fill more than half of what is seen from a point?

@@ -1,7 +1,7 @@
 //! Where surfaces join: stretches of edges between joined corners.
 
 use crate::bvh::{Aabb, BoxTree};
-use crate::scene::{Face, Scene, SurfaceId};
+use crate::scene::{Face, FaceId, Scene, SurfaceId};
 use antumbra_geom::{DVec2, point_in_polygon};
 use glam::DVec3;
 use std::cell::OnceCell;
@@ -144,9 +144,7 @@ impl<'a> Joints<'a> {
 
     /// The parts of a stretch that do not lie on a surface.
     pub(super) fn free<'s>(&self, stretch: &'s Stretch) -> &'s [[DVec3; 2]] {
-        stretch
-            .free
-            .get_or_init(|| self.uncovered(stretch.corners.map(|c| self.corners[c as usize])))
+        stretch.free.get_or_init(|| self.uncovered(stretch))
     }
 
     /// The first kept surface at a stretch where an odd number of them end.
@@ -267,8 +265,9 @@ impl<'a> Joints<'a> {
         stretches.map(|&i| &self.stretches[i as usize])
     }
 
-    /// The parts of an edge that do not lie on a surface.
-    fn uncovered(&self, [a, b]: [DVec3; 2]) -> Vec<[DVec3; 2]> {
+    /// The parts of a stretch that do not lie on a surface.
+    fn uncovered(&self, stretch: &Stretch) -> Vec<[DVec3; 2]> {
+        let [a, b] = stretch.corners.map(|c| self.corners[c as usize]);
         let length = a.distance(b);
         let mut covered: Vec<[f64; 2]> = Vec::new();
         let mut faces = Vec::new();
@@ -286,7 +285,9 @@ impl<'a> Joints<'a> {
         );
         faces.sort_unstable();
         faces.dedup();
-        for face in faces {
+        // Not in the faces that it is an edge of.
+        let is_border = |f: &FaceId| stretch.runs.iter().any(|run| run.face == f.0);
+        for face in faces.into_iter().filter(|f| !is_border(f)) {
             let chart = self.scene.chart(face);
             let ends = [a, b].map(|p| chart.to_chart(p));
             let loops = self.scene.loops_in_chart(face, &chart);
