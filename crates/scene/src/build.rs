@@ -59,6 +59,7 @@ impl Scene {
             vertices: &welded.vertices,
             extent,
             units,
+            triangulate: input.triangulate,
             findings: &mut findings,
         };
         let mut polygons: Vec<Vec<Polygon>> = input

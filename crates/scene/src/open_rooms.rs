@@ -185,7 +185,8 @@ fn open(
     let to_file = |length: f64| scene.frame.length_to_file(length);
     let by_size = |sizes: BTreeMap<SurfaceId, f64>| {
         let mut sizes: Vec<(SurfaceId, f64)> = sizes.into_iter().collect();
-        sizes.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        // As they are shown: equal ones in the order of the file.
+        sizes.sort_by(|a, b| round(b.1).total_cmp(&round(a.1)).then(a.0.cmp(&b.0)));
         sizes
     };
     Some(OpenRoom {

@@ -81,6 +81,8 @@ pub(super) struct Shaper<'a> {
     pub(super) vertices: &'a [DVec3],
     pub(super) extent: f64,
     pub(super) units: Units,
+    /// Is what is warped split, however much?
+    pub(super) triangulate: bool,
     pub(super) findings: &'a mut Findings,
 }
 
@@ -161,11 +163,11 @@ impl Shaper<'_> {
         let flat = (FLAT * size).min(1e-3 * thickness);
         let flat = flat.max(self.extent * Scene::PLANE_TOLERANCE);
         let is_flat = deviation <= flat;
-        if relative > WARPED && !is_flat {
+        if relative > WARPED && !is_flat && !self.triangulate {
             return Err(Refusal::Bad(
                 "non-planar",
                 format!(
-                    "not planar: a vertex lies {} off its plane, {} of its size (allowed {WARPED:e} of its size)",
+                    "not planar: a vertex lies {} off its plane, {} of its size (allowed {WARPED:e} of its size, more if split into triangles)",
                     self.units.length(deviation),
                     short(relative)
                 ),
