@@ -223,6 +223,9 @@ pub(crate) fn refusal(path: &Path, problems: &[Problem], common: &Common) -> Str
             Severity::Warning => "warning",
         };
         text.push_str(&format!("\n  {}: {}", label(kind, common), problem.message));
+        if problem.kind == "non-planar" && problem.severity == Severity::Error {
+            text.push_str("; --triangulate splits it");
+        }
     }
     text
 }

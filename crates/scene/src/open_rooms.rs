@@ -344,4 +344,164 @@ mod tests {
         });
         assert_eq!(open_rooms(sheet.collect()), []);
     }
+
+    /// The names of flipped surfaces, by room.
+    fn flipped(surfaces: Vec<SurfaceInput>, two_sided: bool) -> Vec<Vec<String>> {
+        let input = SceneInput {
+            materials: vec![MaterialInput {
+                name: "white".to_owned(),
+                reflectance: vec![0.5],
+                exitance: vec![0.0],
+                two_sided,
+            }],
+            surfaces,
+            ..SceneInput::default()
+        };
+        let scene = Scene::build(&input).unwrap().scene;
+        let problems = scene.room_problems().into_iter();
+        let flipped = problems.filter(|p| p.kind == "flipped");
+        flipped.map(|p| p.names).collect()
+    }
+
+    fn turn(surfaces: &mut [SurfaceInput], names: &[&str]) {
+        for surface in surfaces {
+            if names.contains(&surface.name.as_str()) {
+                surface.vertices.reverse();
+            }
+        }
+    }
+
+    /// Every quadrilateral as two triangles.
+    fn in_triangles(surfaces: &[SurfaceInput]) -> Vec<SurfaceInput> {
+        let halves = surfaces.iter().flat_map(|s| {
+            (1..s.vertices.len() - 1).map(|k| {
+                let corners = [s.vertices[0], s.vertices[k], s.vertices[k + 1]];
+                surface(&format!("{}/{k}", s.name), &corners)
+            })
+        });
+        halves.collect()
+    }
+
+    /// A box that stands in the room or hangs in it, facing outwards.
+    fn chest(name: &str, low: DVec3, high: DVec3) -> Vec<SurfaceInput> {
+        let plan = [
+            (low.x, low.y),
+            (low.x, high.y),
+            (high.x, high.y),
+            (high.x, low.y),
+        ];
+        let mut sides = room(&plan, high.z - low.z);
+        for side in &mut sides {
+            side.name = format!("{name}-{}", side.name);
+            for p in &mut side.vertices {
+                p.z += low.z;
+            }
+        }
+        sides
+    }
+
+    #[test]
+    fn reversed_walls_are_named() {
+        for reversed in [
+            &["wall-2"][..],
+            &["floor"],
+            &["wall-0", "wall-3"],
+            &["ceiling", "wall-1"],
+        ] {
+            for plan in [&BOX[..], &L] {
+                let mut surfaces = room(plan, 3.0);
+                turn(&mut surfaces, reversed);
+                let mut found = flipped(surfaces.clone(), false);
+                assert_eq!(found.len(), 1, "{reversed:?}");
+                found[0].sort_unstable();
+                let mut expected = reversed.to_vec();
+                expected.sort_unstable();
+                assert_eq!(found[0], expected);
+                assert_eq!(flipped(surfaces.clone(), true), [[""; 0]; 0], "no backs");
+                if plan.len() > 4 {
+                    continue;
+                }
+                let found = flipped(in_triangles(&surfaces), false);
+                let halves = found[0].iter().map(|name| name.split('/').next().unwrap());
+                let mut halves: Vec<&str> = halves.collect();
+                halves.sort_unstable();
+                halves.dedup();
+                assert_eq!(halves, expected, "in triangles");
+                assert_eq!(
+                    flipped(surfaces, true),
+                    [[""; 0]; 0],
+                    "backs are fronts too"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn walls_that_end_within_an_edge_are_told_too() {
+        // The first wall in two, upright: the floor's edge has a corner in it.
+        let mut surfaces = room(&BOX, 3.0);
+        let half = |name: &str, from: f64, to: f64| {
+            let corners = [(to, 0.0), (from, 0.0), (from, 3.0), (to, 3.0)];
+            surface(name, &corners.map(|(x, z)| dvec3(x, 0.0, z)))
+        };
+        surfaces[0] = half("left", 0.0, 2.5);
+        surfaces.push(half("right", 2.5, 6.0));
+        assert_eq!(flipped(surfaces.clone(), false), [[""; 0]; 0]);
+        turn(&mut surfaces, &["right"]);
+        assert_eq!(flipped(surfaces, false), [["right"]]);
+    }
+
+    #[test]
+    fn what_a_room_holds_tells_its_inside() {
+        // Most of it is turned, and it is a room all the same: something hangs in it.
+        let mut surfaces = room(&BOX, 3.0);
+        turn(&mut surfaces, &["floor", "ceiling", "wall-0", "wall-2"]);
+        let few = flipped(surfaces.clone(), false);
+        assert_eq!(few, [["wall-1", "wall-3"]], "without: the smaller part");
+        surfaces.extend(chest("lamp", dvec3(2.0, 2.0, 1.0), dvec3(3.0, 3.0, 2.0)));
+        let found = flipped(surfaces, false);
+        assert_eq!(found, [["wall-0", "wall-2", "floor", "ceiling"]]);
+    }
+
+    #[test]
+    fn nothing_is_said_of_what_may_face_as_it_likes() {
+        let nothing = [[""; 0]; 0];
+        // Furniture in the open, at a wall, in a corner and off the floor.
+        let mut furnished = room(&BOX, 3.0);
+        let z = |x: f64, y: f64, z: f64| dvec3(x, y, z);
+        furnished.extend(chest("a", z(2.0, 2.0, 0.0), z(3.0, 3.0, 1.0)));
+        furnished.extend(chest("b", z(5.0, 2.0, 0.0), z(6.0, 3.0, 2.0)));
+        furnished.extend(chest("c", z(0.0, 0.0, 0.0), z(1.0, 1.0, 3.0)));
+        furnished.extend(chest("d", z(4.0, 1.0, 1.0), z(4.5, 1.5, 1.1)));
+        furnished.extend(chest("e", z(2.0, 2.0, 1.0), z(3.0, 3.0, 2.0)));
+        assert_eq!(flipped(furnished, false), nothing);
+        // The same outside in: consistent, whatever it is.
+        let mut outside_in = room(&L, 3.0);
+        let names: Vec<String> = outside_in.iter().map(|s| s.name.clone()).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        turn(&mut outside_in, &names);
+        assert_eq!(flipped(outside_in, false), nothing);
+        // Plates at an edge, one of which faces the other way, and plates back to back.
+        let mut plates = room(&BOX, 3.0);
+        plates.truncate(2);
+        turn(&mut plates, &["wall-0"]);
+        assert_eq!(flipped(plates, false), nothing);
+        let mut sheets = room(&BOX, 3.0);
+        sheets.truncate(1);
+        let mut back = sheets[0].clone();
+        back.name = "back".to_owned();
+        sheets.push(back.clone());
+        assert_eq!(flipped(sheets.clone(), false), nothing);
+        sheets[1].vertices.reverse();
+        assert_eq!(flipped(sheets, false), nothing);
+        // Two rooms with a wall between them that faces one of them.
+        let mut two = room(&BOX, 3.0);
+        let mut beside = room(&[(6.0, 0.0), (9.0, 0.0), (9.0, 5.0), (6.0, 5.0)], 3.0);
+        beside.remove(3);
+        for s in &mut beside {
+            s.name = format!("beside-{}", s.name);
+        }
+        two.append(&mut beside);
+        assert_eq!(flipped(two, false), nothing);
+    }
 }

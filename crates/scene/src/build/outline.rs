@@ -167,7 +167,7 @@ impl Shaper<'_> {
             return Err(Refusal::Bad(
                 "non-planar",
                 format!(
-                    "not planar: a vertex lies {} off its plane, {} of its size (allowed {WARPED:e} of its size, more if split into triangles)",
+                    "not planar: a vertex lies {} off its plane, {} of its size (allowed {WARPED:e} of its size)",
                     self.units.length(deviation),
                     short(relative)
                 ),
