@@ -69,6 +69,7 @@ pub fn check<E: std::fmt::Display>(read: Result<SceneInput, E>) {
         let again = antumbra_io::scene_file::read(&written)
             .unwrap_or_else(|e| panic!("{e}\nin what was written of {input:?}:\n{written}"));
         let expected = SceneInput {
+            triangulate: false,
             notes: again.notes.clone(),
             ..input.clone()
         };

@@ -450,6 +450,7 @@ mod tests {
                 material("unused", &[0.5], &[0.0]),
             ],
             surfaces,
+            triangulate: false,
             notes: vec!["from elsewhere".to_owned()],
         }
     }

@@ -95,6 +95,10 @@ pub(crate) struct Common {
     /// unit of length; less than the shortest edge.
     #[arg(long, value_name = "LENGTH", value_parser = positive)]
     pub(crate) weld: Option<f64>,
+    /// Split surfaces of a scene file into triangles, with a warning, however far they are
+    /// from plane; those of other formats are split without being asked.
+    #[arg(long)]
+    pub(crate) triangulate: bool,
     /// Threads; the result does not depend on it.
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,

@@ -16,13 +16,8 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
     match built {
         Ok(built) => {
             let report = built.scene.report();
-            let open_rooms = built.scene.open_rooms();
             let mut warnings = built.warnings;
-            warnings.extend(open_rooms.iter().map(|room| room.problem(&built.scene)));
-            warnings.extend(input.corner_gaps().map(|mut gaps| {
-                gaps.message.push_str(" (--weld)");
-                gaps
-            }));
+            warnings.extend(input::doubts(&built.scene, &input));
             if common.json {
                 let document = json!({
                     "version": env!("CARGO_PKG_VERSION"),

@@ -3,7 +3,7 @@
 use crate::Ending;
 use crate::args::Factors;
 use crate::failure::Failure;
-use crate::input::{self, Loaded};
+use crate::input::{self, Loaded, Purpose};
 use crate::output;
 use crate::progress::{Watch, peak_memory};
 use crate::report::covered;
@@ -18,7 +18,7 @@ pub(crate) fn run(factors: &Factors) -> Result<Ending, Failure> {
         return Err(Failure::usage("nothing to write: give -o OUT or --json"));
     }
     let formats = output::formats(&factors.output, &output::FACTORS)?;
-    let loaded = input::load(common)?;
+    let loaded = input::load_for(common, Purpose::Factors)?;
     let watch = Watch::new(common);
     let options = FactorOptions {
         tolerance: factors.tolerance,

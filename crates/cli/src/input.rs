@@ -36,6 +36,13 @@ pub(crate) fn weld(input: &mut antumbra::SceneInput, common: &Common) -> Result<
 
 /// Reads a scene file by its extension, without checking its content.
 pub(crate) fn read_file(common: &Common) -> Result<antumbra::SceneInput, Failure> {
+    let mut scene = read_any(common)?;
+    scene.triangulate |= common.triangulate;
+    Ok(scene)
+}
+
+/// Reads a scene file by its extension, as it stands.
+fn read_any(common: &Common) -> Result<antumbra::SceneInput, Failure> {
     let path = &common.scene;
     let extension = path
         .extension()
@@ -53,7 +60,7 @@ pub(crate) fn read_file(common: &Common) -> Result<antumbra::SceneInput, Failure
     let unit = common.length_unit;
     let scene = match extension {
         Some("json") => {
-            text(path).and_then(|text| io::scene_file::read(&text).map_err(|e| e.to_string()))
+            scene_text(path).and_then(|text| io::scene_file::read(&text).map_err(|e| e.to_string()))
         }
         Some("obj") => obj(path, unit),
         Some("gltf" | "glb") => gltf(path, unit),
@@ -61,7 +68,10 @@ pub(crate) fn read_file(common: &Common) -> Result<antumbra::SceneInput, Failure
             bytes(path).and_then(|bytes| io::stl::read(&bytes, unit).map_err(|e| e.to_string()))
         }
         Some("vs3") => {
-            text(path).and_then(|text| io::vs3::read(&text, unit).map_err(|e| e.to_string()))
+            let mut notes = Vec::new();
+            let scene = text(path, &mut notes)
+                .and_then(|text| io::vs3::read(&text, unit).map_err(|e| e.to_string()));
+            scene.map(|scene| with_notes(scene, notes))
         }
         Some("rad" | "mat") => return rad(common),
         _ => Err(
@@ -73,9 +83,12 @@ pub(crate) fn read_file(common: &Common) -> Result<antumbra::SceneInput, Failure
 }
 
 fn obj(path: &Path, unit: LengthUnit) -> Result<antumbra::SceneInput, String> {
-    let obj = text(path)?;
+    let mut notes = Vec::new();
+    let obj = text(path, &mut notes)?;
     let folder = path.parent().unwrap_or(Path::new("."));
-    io::obj::read(&obj, &mut |name| text(&folder.join(name)), unit).map_err(|e| e.to_string())
+    let mut load = |name: &str| text(&folder.join(name), &mut notes);
+    let scene = io::obj::read(&obj, &mut load, unit).map_err(|e| e.to_string())?;
+    Ok(with_notes(scene, notes))
 }
 
 fn gltf(path: &Path, unit: LengthUnit) -> Result<antumbra::SceneInput, String> {
@@ -88,37 +101,89 @@ fn bytes(path: &Path) -> Result<Vec<u8>, String> {
     std::fs::read(path).map_err(|e| e.to_string())
 }
 
-fn text(path: &Path) -> Result<String, String> {
+/// The text of a file of another program, and a note if it is not UTF-8.
+fn text(path: &Path, notes: &mut Vec<String>) -> Result<String, String> {
+    let text = io::text::decoded(&bytes(path)?)?;
+    let name = path.file_name().unwrap_or(path.as_os_str());
+    notes.extend(text.note(&name.to_string_lossy()));
+    Ok(text.text)
+}
+
+/// The text of a scene file.
+fn scene_text(path: &Path) -> Result<String, String> {
     String::from_utf8(bytes(path)?).map_err(|_| "is not UTF-8 text".to_owned())
+}
+
+/// The scene, with these notes before its own.
+fn with_notes(mut scene: antumbra::SceneInput, mut notes: Vec<String>) -> antumbra::SceneInput {
+    notes.append(&mut scene.notes);
+    scene.notes = notes;
+    scene
 }
 
 /// All `.rad` files of the command line, as one scene.
 fn rad(common: &Common) -> Result<antumbra::SceneInput, Failure> {
+    let mut notes = Vec::new();
     let mut files = Vec::with_capacity(1 + common.more.len());
     for path in std::iter::once(&common.scene).chain(&common.more) {
         let name = path.display().to_string();
-        let text = text(path).map_err(|e| Failure::unreadable(format!("{name}: {e}")))?;
+        let text =
+            text(path, &mut notes).map_err(|e| Failure::unreadable(format!("{name}: {e}")))?;
         files.push(io::rad::RadFile { name, text });
     }
     let mut load = |root: &str, name: &str| {
         let folder = Path::new(root).parent().unwrap_or(Path::new("."));
-        text(&folder.join(name))
+        text(&folder.join(name), &mut notes)
     };
-    io::rad::read(&files, &mut load, common.length_unit).map_err(|e| {
+    let scene = io::rad::read(&files, &mut load, common.length_unit).map_err(|e| {
         let place = match common.more.len() {
             0 => format!("{}: ", common.scene.display()),
             _ => String::new(),
         };
         Failure::unreadable(format!("{place}{e}"))
-    })
+    })?;
+    Ok(with_notes(scene, notes))
+}
+
+/// What a scene is read for: which findings matter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    /// Light that comes straight from emitters.
+    Direct,
+    /// Light that goes on, and may leave where it should not.
+    Interreflection,
+    /// Form factors, which no surface needs to emit for.
+    Factors,
+}
+
+/// Reads and checks a scene for direct light; warnings are shown unless `--quiet`.
+pub(crate) fn load(common: &Common) -> Result<Loaded, Failure> {
+    load_for(common, Purpose::Direct)
+}
+
+/// What is worth saying of a scene that is accepted: rooms that are open, surfaces that
+/// face the wrong way, corners that miss each other.
+pub(crate) fn doubts(scene: &Scene, input: &antumbra::SceneInput) -> Vec<Problem> {
+    let mut doubts = scene.room_problems();
+    doubts.extend(input.corner_gaps().map(|mut gaps| {
+        gaps.message.push_str(" (--weld)");
+        gaps
+    }));
+    doubts
 }
 
 /// Reads and checks a scene; warnings are shown unless `--quiet`.
-pub(crate) fn load(common: &Common) -> Result<Loaded, Failure> {
+pub(crate) fn load_for(common: &Common, purpose: Purpose) -> Result<Loaded, Failure> {
     let input = read(common)?;
     let notes = input.notes.clone();
     match Scene::build(&input) {
-        Ok(built) => {
+        Ok(mut built) => {
+            if purpose != Purpose::Direct {
+                built.warnings.extend(doubts(&built.scene, &input));
+            }
+            if purpose == Purpose::Factors {
+                built.warnings.retain(|w| w.kind != "no-emitter");
+            }
             if !common.quiet {
                 for note in &notes {
                     eprintln!("{}: {note}", label("note", common));
@@ -158,6 +223,9 @@ pub(crate) fn refusal(path: &Path, problems: &[Problem], common: &Common) -> Str
             Severity::Warning => "warning",
         };
         text.push_str(&format!("\n  {}: {}", label(kind, common), problem.message));
+        if problem.kind == "non-planar" && problem.severity == Severity::Error {
+            text.push_str("; --triangulate splits it");
+        }
     }
     text
 }

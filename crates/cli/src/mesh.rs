@@ -4,7 +4,7 @@ use crate::Ending;
 use crate::args::{Common, Generator, Mesh};
 use crate::cell_report::{self, CellOutcome};
 use crate::failure::Failure;
-use crate::input::{self, Loaded};
+use crate::input::{self, Loaded, Purpose};
 use crate::output;
 use crate::progress::{Watch, was_interrupted};
 use crate::report::{self, Outcome};
@@ -110,7 +110,11 @@ pub(crate) fn run(mesh: &Mesh, work: Work) -> Result<Ending, Failure> {
     }
     let generator = mesh.meshing.generator()?;
     let formats = output::formats(&mesh.output, &output::MESHES)?;
-    let loaded = input::load(common)?;
+    let purpose = match work {
+        Work::Mesh => Purpose::Direct,
+        Work::Solve => Purpose::Interreflection,
+    };
+    let loaded = input::load_for(common, purpose)?;
     output::check_look(&mesh.picture, &loaded.scene, work)?;
     let watch = Watch::new(common);
     let done = compute(&loaded, &generator, &watch, work)?;

@@ -178,7 +178,7 @@ impl<'a> Tries<'a> {
             FailureKind::Slow(seconds) => seconds,
             _ => self.args.timeout,
         };
-        let mut command = self.command();
+        let mut command = self.command(scene);
         command
             .stdin(Stdio::null())
             .stdout(Stdio::null())
@@ -202,7 +202,7 @@ impl<'a> Tries<'a> {
         })
     }
 
-    fn command(&self) -> Command {
+    fn command(&self, scene: &SceneInput) -> Command {
         if let FailureKind::Command(command) = &self.args.failure {
             let mut shell = Command::new("sh");
             // The command may be of several words; the path is its last one.
@@ -223,6 +223,10 @@ impl<'a> Tries<'a> {
         };
         if let Some(threads) = self.args.common.threads {
             own.args(["--threads", &threads.to_string()]);
+        }
+        // Candidates are scene files, wherever they come from.
+        if scene.triangulate {
+            own.arg("--triangulate");
         }
         own.args(["--quiet", "--no-progress"]);
         own.args(&self.args.meshing);

@@ -6,6 +6,7 @@
 pub mod cdt;
 mod chart;
 mod coarse;
+mod convex;
 mod measure;
 mod polygon;
 mod settle;
@@ -13,10 +14,9 @@ mod stop;
 
 pub use chart::Chart;
 pub use coarse::{coarse_order, exceeds};
+pub use convex::convex_pieces;
 pub use glam::{DVec2, DVec3, dvec2, dvec3};
 pub use measure::{bounding_box, distance_to_segment, distance_to_segment_in_space};
-pub use polygon::{
-    convex_pieces, newell_normal, point_in_polygon, polygon_area, segments_cross, signed_area,
-};
+pub use polygon::{newell_normal, point_in_polygon, polygon_area, segments_cross, signed_area};
 pub use settle::{Plane, settled};
 pub use stop::Stop;

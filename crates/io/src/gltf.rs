@@ -27,19 +27,35 @@ use antumbra_scene::{LengthUnit, MaterialInput, Quantity, SceneInput};
 use data::{Data, get};
 use document::{Document, Material, Node, Primitive};
 use glam::{DMat4, DQuat, DVec3, DVec4};
+use serde::Deserialize;
+use serde_json::Value;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-/// What may be required of us: the first two are read, and texture coordinates
-/// are not.
-const EXTENSIONS: [&str; 3] = [
+/// What is read of what files may require.
+const EXTENSIONS: [&str; 4] = [
     "KHR_materials_emissive_strength",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_mesh_quantization",
+    // Texture coordinates are not.
     "KHR_texture_transform",
 ];
 
-/// In place of a base colour of 1, which glTF has by default and which no surface
-/// reflects: a very white paint.
+/// What the names of extensions contain that are about looks, lamps without a surface, or
+/// what is known of the file: they change no shape, and may be passed over even where the
+/// file requires them.
+const NO_SHAPE: [&str; 7] = [
+    "_materials_",
+    "_texture_",
+    "_lights_",
+    "_xmp",
+    "_techniques_",
+    "_metadata",
+    "_mesh_features",
+];
+
+/// Where a file says no base colour, for which glTF has 1: a very white paint.
 const WHITE: f64 = 0.9;
 
 /// More triangles than this are refused before they are made: a few bytes can
@@ -70,14 +86,21 @@ pub fn read(
     load: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
     unit: LengthUnit,
 ) -> Result<SceneInput, ReadError> {
-    let (json, binary) = if container::is_binary(bytes) {
+    let is_binary = container::is_binary(bytes);
+    let (json, binary) = if is_binary {
         let container = container::open(bytes)?;
-        (container.json, container.binary)
+        (Cow::Borrowed(container.json), container.binary)
     } else {
-        (bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), None)
+        (plain_text(bytes)?, None)
     };
-    let document: Document = serde_json::from_slice(json).map_err(|error| json_error(&error))?;
-    check_version(&document)?;
+    check_version(&json)?;
+    let document: Document = serde_json::from_slice(&json).map_err(|error| {
+        let error = json_error(&error);
+        match is_binary {
+            true => ReadError::whole(format!("the JSON chunk of the file: {error}")),
+            false => error,
+        }
+    })?;
     check_extensions(&document)?;
 
     let mut reader = Reader {
@@ -100,40 +123,99 @@ pub fn read(
     notes.append(&mut reader.materials.notes);
     notes.append(&mut merged.notes);
     let mut materials = reader.materials.list;
+    materials::below_one(&mut materials, &mut notes);
     materials::in_as_few_bands(&mut materials);
     Ok(SceneInput {
         length_unit: unit,
         quantity: Quantity::Photometric,
         materials,
         surfaces: merged.surfaces,
+        triangulate: true,
         notes,
     })
 }
 
-fn json_error(error: &serde_json::Error) -> ReadError {
-    let text = error.to_string();
-    let place = format!(" at line {} column {}", error.line(), error.column());
-    ReadError {
-        line: Some(error.line()),
-        column: Some(error.column()),
-        message: text.strip_suffix(&place).unwrap_or(&text).to_owned(),
+/// The JSON of a file that is no container.
+fn plain_text(bytes: &[u8]) -> Result<Cow<'_, [u8]>, ReadError> {
+    let text = match bytes {
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => {
+            let text = crate::text::decoded(bytes).map_err(ReadError::whole)?;
+            Cow::Owned(text.text.into_bytes())
+        }
+        _ => Cow::Borrowed(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)),
+    };
+    let first = text.iter().find(|byte| !byte.is_ascii_whitespace());
+    match first {
+        Some(b'{') => Ok(text),
+        Some(_) => Err(ReadError::whole(
+            "it is neither glTF, which begins with '{', nor GLB, which begins with 'glTF'",
+        )),
+        None => Err(ReadError::whole("the file is empty")),
     }
 }
 
-fn check_version(document: &Document) -> Result<(), ReadError> {
-    let asset = &document.asset;
-    let version = asset.min_version.as_ref().unwrap_or(&asset.version);
-    let is_known = match &asset.min_version {
-        Some(least) => least == "2.0",
-        None => version.split('.').next() == Some("2"),
+/// The error in words that are about files and not about programs.
+fn json_error(error: &serde_json::Error) -> ReadError {
+    let text = error.to_string();
+    let place = format!(" at line {} column {}", error.line(), error.column());
+    let text = text.strip_suffix(&place).unwrap_or(&text);
+    let message = ["usize", "u64"].iter().fold(text.to_owned(), |text, kind| {
+        text.replace(
+            &format!("expected {kind}"),
+            "expected a whole number from 0, as for an index or a count",
+        )
+    });
+    ReadError {
+        line: Some(error.line()),
+        column: Some(error.column()),
+        message,
+    }
+}
+
+/// What tells the version: read first, for the rest depends on it.
+#[derive(Deserialize)]
+struct Versioned {
+    asset: Option<serde_json::Map<String, Value>>,
+    /// A list since 2.0, a dictionary before.
+    #[serde(default)]
+    scenes: Value,
+    #[serde(default)]
+    meshes: Value,
+}
+
+fn check_version(json: &[u8]) -> Result<(), ReadError> {
+    // What is no JSON, or has an asset that is none, is told of where all of it is read.
+    let Ok(file) = serde_json::from_slice::<Versioned>(json) else {
+        return Ok(());
+    };
+    let said = |key: &str| match file.asset.as_ref()?.get(key)? {
+        Value::String(text) => Some(text.clone()),
+        other => Some(other.to_string()),
+    };
+    let (version, least) = (said("version"), said("minVersion"));
+    let is_first = match &version {
+        Some(version) => version.starts_with("1.") || version == "1" || version.starts_with("0."),
+        None => file.scenes.is_object() || file.meshes.is_object(),
+    };
+    if is_first {
+        return Err(ReadError::whole(format!(
+            "this is glTF {}; only 2.0 is read: convert the file, or export it again",
+            version.as_deref().unwrap_or("1.0")
+        )));
+    }
+    let is_known = match (&least, &version) {
+        (Some(least), _) => least == "2.0",
+        (None, Some(version)) => version.split('.').next() == Some("2"),
+        // Told of with the place where it is missing.
+        (None, None) => true,
     };
     if is_known {
-        Ok(())
-    } else {
-        Err(ReadError::whole(format!(
-            "glTF version '{version}' (allowed 2.0)"
-        )))
+        return Ok(());
     }
+    Err(ReadError::whole(format!(
+        "glTF version '{}' (allowed 2.0)",
+        least.or(version).unwrap_or_default()
+    )))
 }
 
 fn check_extensions(document: &Document) -> Result<(), ReadError> {
@@ -141,16 +223,20 @@ fn check_extensions(document: &Document) -> Result<(), ReadError> {
         .extensions_required
         .iter()
         .map(String::as_str)
-        .filter(|name| !EXTENSIONS.contains(name))
+        .filter(|name| !EXTENSIONS.contains(name) && !changes_no_shape(name))
         .collect();
     if unknown.is_empty() {
         return Ok(());
     }
     Err(ReadError::whole(format!(
-        "the file requires '{}', which is not read (allowed {}): export without compression and extensions",
+        "the file requires '{}', which is not read (allowed {}, and what is about materials): export without compression and extensions",
         unknown.join("', '"),
         EXTENSIONS.join(", ")
     )))
+}
+
+fn changes_no_shape(extension: &str) -> bool {
+    NO_SHAPE.iter().any(|part| extension.contains(part))
 }
 
 /// Goes through the nodes and collects parts.
@@ -486,15 +572,15 @@ impl Materials {
 }
 
 fn to_input(name: String, material: &Material) -> MaterialInput {
-    let pbr = &material.pbr_metallic_roughness;
-    let [r, g, b, _] = pbr.base_color_factor;
+    let (factor, texture) = base_colour(material);
+    let [r, g, b, _] = factor.unwrap_or([WHITE; 4]);
     let reflectance = [r, g, b].map(|x| {
         // The factor dims a texture: by itself it says little.
-        let x = match pbr.base_color_texture {
-            Some(_) => x * DEFAULT_REFLECTANCE,
+        match texture {
+            Some(_) if factor.is_some() => x * DEFAULT_REFLECTANCE,
+            Some(_) => DEFAULT_REFLECTANCE,
             None => x,
-        };
-        if x == 1.0 { WHITE } else { x }
+        }
     });
     let strength = strength(material);
     let exitance = if material.emissive_texture.is_some() {
@@ -510,6 +596,15 @@ fn to_input(name: String, material: &Material) -> MaterialInput {
     }
 }
 
+/// The colour of what is reflected, if the file says it, and its texture.
+fn base_colour(material: &Material) -> (Option<[f64; 4]>, Option<&Value>) {
+    let pbr = &material.pbr_metallic_roughness;
+    match &material.extensions.specular_glossiness {
+        Some(diffuse) => (diffuse.diffuse_factor, diffuse.diffuse_texture.as_ref()),
+        None => (pbr.base_color_factor, pbr.base_color_texture.as_ref()),
+    }
+}
+
 fn strength(material: &Material) -> f64 {
     let extension = &material.extensions.emissive_strength;
     extension.as_ref().map_or(1.0, |e| e.emissive_strength)
@@ -519,13 +614,14 @@ fn strength(material: &Material) -> f64 {
 fn notes(name: &str, material: &Material) -> Vec<String> {
     let mut notes = Vec::new();
     let pbr = &material.pbr_metallic_roughness;
-    if pbr.base_color_texture.is_some() {
+    let (factor, texture) = base_colour(material);
+    if texture.is_some() {
         notes.push(format!(
             "material '{name}' has a base colour texture, which is not used: its reflectance is {DEFAULT_REFLECTANCE} times the base colour factor"
         ));
-    } else if pbr.base_color_factor[..3].contains(&1.0) {
+    } else if factor.is_none() {
         notes.push(format!(
-            "material '{name}' has a base colour of 1, and nothing reflects all light: {WHITE} is used"
+            "material '{name}' has no base colour, which stands for 1, and nothing reflects all light: {WHITE} is used"
         ));
     }
     if material.emissive_texture.is_some() && material.emissive_factor != [0.0; 3] {
@@ -533,7 +629,7 @@ fn notes(name: &str, material: &Material) -> Vec<String> {
             "material '{name}' has an emissive texture, which is not used: it does not emit"
         ));
     }
-    if pbr.metallic_factor > 0.0 {
+    if pbr.metallic_factor > 0.0 && material.extensions.specular_glossiness.is_none() {
         notes.push(format!(
             "material '{name}' is metallic ({}): it reflects diffusely here",
             pbr.metallic_factor
@@ -641,6 +737,7 @@ impl LeftOut {
         let mut others: Vec<&str> = document
             .extensions_used
             .iter()
+            .chain(&document.extensions_required)
             .map(String::as_str)
             .filter(|name| !EXTENSIONS.contains(name) && !self.extensions.contains_key(*name))
             .collect();

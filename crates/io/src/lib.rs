@@ -14,6 +14,7 @@ pub mod scene_file;
 pub mod stl;
 pub mod study;
 mod subtract;
+pub mod text;
 pub mod vs3;
 pub mod write;
 

@@ -10,7 +10,7 @@
 //! the one surface that has it.
 
 use crate::ReadError;
-use crate::materials::{DEFAULT_REFLECTANCE, in_as_few_bands};
+use crate::materials::{DEFAULT_REFLECTANCE, below_one, in_as_few_bands};
 use crate::names::Namer;
 use antumbra_scene::{LengthUnit, MaterialInput, Quantity, SceneInput, SurfaceInput};
 use glam::DVec3;
@@ -216,6 +216,7 @@ impl Parser {
             quantity: Quantity::Radiometric,
             materials,
             surfaces,
+            triangulate: true,
             notes: self.notes,
         })
     }
@@ -260,6 +261,7 @@ impl Parser {
         if has_default {
             materials.push(crate::materials::default(default.to_owned()));
         }
+        below_one(&mut materials, &mut self.notes);
         in_as_few_bands(&mut materials);
         materials
     }
@@ -466,6 +468,24 @@ mod tests {
             "{:?}",
             scene.notes
         );
+    }
+
+    #[test]
+    fn white_without_end_is_dimmed_and_said_once() {
+        let mtl = "newmtl a\nKd 1 1 1\nnewmtl b\nKd .5 1.5 .5\nnewmtl c\nKd .9 .9 .9";
+        let obj =
+            format!("mtllib x\n{SQUARE}usemtl a\nf 1 2 3\nusemtl b\nf 1 2 3\nusemtl c\nf 1 2 3\n");
+        let scene = read(&obj, &mut |_| Ok(mtl.to_owned()), LengthUnit::Metre).unwrap();
+        assert_eq!(scene.materials[0].reflectance, [0.999; 3]);
+        assert_eq!(scene.materials[1].reflectance, [0.5, 0.999, 0.5]);
+        assert_eq!(scene.materials[2].reflectance, [0.9; 3]);
+        assert_eq!(
+            scene.notes,
+            [
+                "a reflectance of 1 or more is taken as 0.999, for nothing reflects all light: in 'a', 'b'"
+            ]
+        );
+        assert!(scene.triangulate);
     }
 
     #[test]

@@ -30,7 +30,7 @@
 //! Synthetic Imaging System*, section 2.
 
 use crate::ReadError;
-use crate::materials::{DEFAULT_REFLECTANCE, in_as_few_bands};
+use crate::materials::{DEFAULT_REFLECTANCE, below_one, in_as_few_bands};
 use crate::names::Namer;
 use antumbra_scene::{LengthUnit, MaterialInput, Quantity, SceneInput, SurfaceInput};
 use glam::{DVec3, dvec3};
@@ -119,7 +119,10 @@ pub fn read(
     let is_single = files.len() == 1 && n_includes == 0;
     if parser.polygons.is_empty() {
         let skipped = parser.skipped_notes(is_single).join("; ");
-        let but = if skipped.is_empty() {
+        let but = if skipped.is_empty() && !parser.modifiers.is_empty() {
+            let n = counted(parser.modifiers.len(), "material or pattern");
+            format!(": it has {n} and no surfaces; give the files that use them after it")
+        } else if skipped.is_empty() {
             ": is it a Radiance file?".to_owned()
         } else {
             format!(", but: {skipped}")
@@ -375,6 +378,7 @@ impl Parser {
         }
         let skipped = self.skipped_notes(is_single);
         self.notes.extend(skipped);
+        below_one(&mut materials, &mut self.notes);
         in_as_few_bands(&mut materials);
 
         let mut namer = Namer::new(
@@ -401,6 +405,7 @@ impl Parser {
             quantity: Quantity::Radiometric,
             materials,
             surfaces,
+            triangulate: true,
             notes: self.notes,
         }
     }

@@ -384,6 +384,7 @@ impl From<SceneFile> for SceneInput {
                     holes: s.holes.into_iter().map(corners).collect(),
                 })
                 .collect(),
+            triangulate: false,
             notes: Vec::new(),
         }
     }
@@ -435,6 +436,7 @@ mod tests {
                 ],
                 holes: vec![vec![dvec3(1e-9, 2.5, 3.25)]],
             }],
+            triangulate: false,
             notes: Vec::new(),
         };
         let text = write(&scene);

@@ -73,6 +73,7 @@ pub fn read(bytes: &[u8], unit: LengthUnit) -> Result<SceneInput, ReadError> {
         quantity: Quantity::Radiometric,
         materials: vec![material],
         surfaces: merged.surfaces,
+        triangulate: true,
         notes,
     })
 }
@@ -183,8 +184,10 @@ enum State {
 
 fn from_text(bytes: &[u8]) -> Result<Vec<Solid>, ReadError> {
     // Names may be in any encoding; all else is ASCII.
-    let text = String::from_utf8_lossy(bytes);
-    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+    let text = match crate::text::decoded(bytes) {
+        Ok(text) => text.text,
+        Err(_) => String::from_utf8_lossy(bytes).into_owned(),
+    };
     let mut solids: Vec<Solid> = Vec::new();
     let mut state = State::Outside;
     let mut normal = DVec3::ZERO;

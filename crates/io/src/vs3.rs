@@ -414,6 +414,7 @@ impl<'a> Parser<'a> {
             quantity: Quantity::Radiometric,
             materials,
             surfaces,
+            triangulate: true,
             notes,
         })
     }

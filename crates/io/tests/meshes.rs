@@ -143,7 +143,10 @@ fn hostile_files_are_refused_with_what_is_wrong() {
             "gltf/chunk-beyond-file.glb",
             "byte 12: a chunk of 2147483647 bytes",
         ),
-        ("gltf/container-version-1.glb", "version 1 (allowed 2)"),
+        (
+            "gltf/container-version-1.glb",
+            "this is glTF 1.0, as a binary file; only 2.0 is read",
+        ),
         (
             "gltf/flat-positions.gltf",
             "mesh 0 ('floor'): its positions is VEC2",
@@ -233,7 +236,7 @@ fn hostile_files_are_refused_with_what_is_wrong() {
         ),
         (
             "gltf/wrong-version.gltf",
-            "glTF version '1.0' (allowed 2.0)",
+            "this is glTF 1.0; only 2.0 is read",
         ),
         (
             "gltf/zero-rotation.gltf",
@@ -416,7 +419,7 @@ fn what_is_left_out_is_said() {
     })
     .unwrap();
     assert_eq!(scene.materials[0].name, "material.1");
-    assert_eq!(scene.materials[0].reflectance, [0.9, 0.5, 0.25]);
+    assert_eq!(scene.materials[0].reflectance, [0.999, 0.5, 0.25]);
     assert_eq!(scene.materials[0].exitance, [0.0; 3]);
     assert_eq!(
         scene.notes,
@@ -430,12 +433,125 @@ fn what_is_left_out_is_said() {
             "1 node with a mesh left out: not in the scene that was read",
             "extension 'KHR_lights_punctual' is not read, in 1 place: only surfaces emit",
             "not read: 'KHR_materials_ior'",
-            "material 'material.1' has a base colour of 1, and nothing reflects all light: 0.9 is used",
             "material 'material.1' has an emissive texture, which is not used: it does not emit",
             "material 'material.1' is metallic (1): it reflects diffusely here",
             "material 'material.1' has the alpha mode BLEND: it is opaque here",
             "4 triangles merged into 2 polygons",
+            "a reflectance of 1 or more is taken as 0.999, for nothing reflects all light: in 'material.1'",
         ]
+    );
+}
+
+#[test]
+fn colour_that_is_not_said_is_a_white_paint_and_old_materials_have_theirs() {
+    let scene = document(|json| json["materials"] = serde_json::json!([{}])).unwrap();
+    assert_eq!(scene.materials[0].reflectance, [0.9]);
+    let scene = document(|json| {
+        json["extensionsRequired"] = serde_json::json!(["KHR_materials_pbrSpecularGlossiness"]);
+        json["materials"] = serde_json::json!([{ "extensions": {
+            "KHR_materials_pbrSpecularGlossiness": { "diffuseFactor": [0.25, 0.5, 1.5, 1.0] }
+        } }]);
+    })
+    .unwrap();
+    assert_eq!(scene.materials[0].reflectance, [0.25, 0.5, 0.999]);
+}
+
+#[test]
+fn required_extensions_that_change_no_shape_are_passed_over_with_a_note() {
+    for name in [
+        "KHR_materials_unlit",
+        "EXT_texture_webp",
+        "KHR_lights_punctual",
+        "KHR_xmp_json_ld",
+    ] {
+        let required = |json: &mut serde_json::Value| {
+            json["extensionsRequired"] = serde_json::json!([name]);
+        };
+        let scene = document(required).expect(name);
+        let note = format!("not read: '{name}'");
+        assert!(scene.notes.contains(&note), "{:?}", scene.notes);
+    }
+    for name in ["EXT_meshopt_compression", "EXT_mesh_gpu_instancing"] {
+        let required = |json: &mut serde_json::Value| {
+            json["extensionsRequired"] = serde_json::json!([name]);
+        };
+        let error = document(required).expect_err(name).to_string();
+        assert!(error.contains(name), "{error}");
+    }
+}
+
+/// A GLB file of chunks, padded as they are asked to be.
+fn glb(json: &str, pad_json: bool, pad_binary: bool) -> Vec<u8> {
+    let mut body = Vec::new();
+    let corners: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let mut binary: Vec<u8> = corners
+        .as_flattened()
+        .iter()
+        .flat_map(|x| x.to_le_bytes())
+        .collect();
+    binary.push(7);
+    for (kind, mut bytes, is_padded, with) in [
+        (b"JSON", json.as_bytes().to_vec(), pad_json, b' '),
+        (b"BIN\0", binary, pad_binary, 0),
+    ] {
+        if is_padded {
+            bytes.resize(bytes.len().next_multiple_of(4), with);
+        }
+        body.extend((bytes.len() as u32).to_le_bytes());
+        body.extend(kind);
+        body.extend(bytes);
+    }
+    let mut file = b"glTF".to_vec();
+    file.extend(2u32.to_le_bytes());
+    file.extend((body.len() as u32 + 12).to_le_bytes());
+    file.extend(body);
+    file
+}
+
+#[test]
+fn chunks_that_are_not_padded_are_read() {
+    let json = r#"{"asset":{"version":"2.0"},"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+        "nodes":[{"mesh":0}],"buffers":[{"byteLength":37}],"bufferViews":[{"buffer":0,"byteLength":36}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}]}"#;
+    let mut none = |name: &str| Err(format!("no {name}"));
+    for blanks in 0..4 {
+        let json = format!("{json}{}", " ".repeat(blanks));
+        for (pad_json, pad_binary) in [(false, false), (false, true), (true, false), (true, true)] {
+            let file = glb(&json, pad_json, pad_binary);
+            let scene = gltf::read(&file, &mut none, LengthUnit::Metre).expect("not padded");
+            assert_eq!(scene.surfaces.len(), 1);
+            // Zeros in place of blanks, and a length that counts what is not there.
+            let zeros = json.clone() + &"\0".repeat((4 - json.len() % 4) % 4);
+            let file = glb(&zeros, pad_json, pad_binary);
+            assert!(gltf::read(&file, &mut none, LengthUnit::Metre).is_ok());
+        }
+    }
+}
+
+#[test]
+fn what_is_no_gltf_of_today_is_called_what_it_is() {
+    let mut none = |name: &str| Err(format!("no {name}"));
+    let mut said = |bytes: &[u8]| {
+        let error = gltf::read(bytes, &mut none, LengthUnit::Metre).unwrap_err();
+        error.to_string()
+    };
+    let first = br#"{"scene":"main","scenes":{"main":{"nodes":["a"]}},"nodes":{"a":{}}}"#;
+    assert!(said(first).starts_with("this is glTF 1.0; only 2.0 is read"));
+    let first = br#"{"asset":{"version":"1.0"},"scene":"main"}"#;
+    assert!(said(first).starts_with("this is glTF 1.0; only 2.0 is read"));
+    assert!(said(b"\x89PNG\r\n").contains("neither glTF"));
+    assert!(said(b"  ").contains("empty"));
+    let wrong = br#"{"asset":{"version":"2.0"},"scene":"main"}"#;
+    assert!(
+        said(wrong).contains("expected a whole number from 0"),
+        "{}",
+        said(wrong)
+    );
+    let chunk = glb("GARBAGE!", true, true);
+    assert!(
+        said(&chunk).contains("the JSON chunk of the file"),
+        "{}",
+        said(&chunk)
     );
 }
 

@@ -165,7 +165,7 @@ fn misplaced_wall_of_an_l_shaped_zone_is_named() {
     assert_eq!(found[0].names[0], "NorthWall-2");
     assert_eq!(
         found[0].message,
-        "no partner for the border of 'NorthWall-2' (83 % of it), and a room of 9 surfaces is open: between (0, 6.096, 0) and (6.096, 6.096, 3.048) its edges join nothing, 18.29 m in all, at 'Floor-1' (6.096 m), 'Roof-1' (6.096 m), 'WestWall-2' (3.048 m), 'West Wall-1' (3.048 m)"
+        "no partner for the border of 'NorthWall-2' (83 % of it), and a room of 9 surfaces is open: between (0, 6.096, 0) and (6.096, 6.096, 3.048) its edges join nothing, 18.29 m in all, at 'Roof-1' (6.096 m), 'Floor-1' (6.096 m), 'West Wall-1' (3.048 m), 'WestWall-2' (3.048 m)"
     );
     assert_eq!(rooms("zone1-corrected.json"), []);
 }

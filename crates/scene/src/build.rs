@@ -10,6 +10,7 @@ mod flat;
 mod frame;
 mod loops;
 mod materials;
+mod near;
 mod outline;
 mod overlap;
 mod planes;
@@ -62,6 +63,7 @@ impl Scene {
             vertices: &welded.vertices,
             extent,
             units,
+            triangulate: input.triangulate,
             findings: &mut findings,
         };
         let mut polygons: Vec<Vec<Polygon>> = input
@@ -393,7 +395,7 @@ pub(crate) fn short(x: f64) -> String {
 }
 
 /// Up to four names, and how many more there are.
-fn listed(names: &[String]) -> String {
+pub(crate) fn listed(names: &[String]) -> String {
     const SHOWN: usize = 4;
     let mut text = names
         .iter()

@@ -4,10 +4,14 @@
 //! nodes are unions (minima and maxima, exact), and the traversal is our own, in
 //! double precision over the public nodes: so every node box contains what is
 //! below it, and no padding is needed.
+//!
+//! It clusters neighbours from below, which makes chains of boxes that are equal and
+//! evenly spaced, or coincide: as deep as there are boxes, in as many rounds. So it is
+//! given few boxes at a time ([`build`]), and how deep a tree is has a bound.
 
-use glam::{DVec3, Vec3A};
-use obvhs::{BvhBuildParams, bvh2::Bvh2, bvh2::builder::build_bvh2};
-use std::time::Duration;
+mod build;
+
+use glam::DVec3;
 
 /// An axis-parallel box.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +52,23 @@ impl Aabb {
         self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
     }
 
+    /// Does the box, wider by a margin on all sides, meet the segment from `a` to `b`?
+    /// True too where it misses it by rounding that the margin is larger than.
+    #[must_use]
+    pub fn meets_segment(&self, a: DVec3, b: DVec3, margin: f64) -> bool {
+        let (low, high) = (self.min - margin, self.max + margin);
+        let along = b - a;
+        let mut range = (0.0f64, 1.0f64);
+        (0..3).all(|k| {
+            if along[k].abs() <= margin {
+                return a[k].min(b[k]) <= high[k] && low[k] <= a[k].max(b[k]);
+            }
+            let (s, t) = ((low[k] - a[k]) / along[k], (high[k] - a[k]) / along[k]);
+            range = (range.0.max(s.min(t)), range.1.min(s.max(t)));
+            range.0 <= range.1
+        })
+    }
+
     /// The largest value of `normal · x` over the box.
     #[must_use]
     pub fn max_along(&self, normal: DVec3) -> f64 {
@@ -79,36 +100,7 @@ impl BoxTree {
     /// The hierarchy of `(item, box)` pairs.
     #[must_use]
     pub fn new(boxes: &[(u32, Aabb)]) -> Self {
-        if boxes.is_empty() {
-            return Self::default();
-        }
-        let outward: Vec<obvhs::aabb::Aabb> = boxes
-            .iter()
-            .map(|(_, b)| obvhs::aabb::Aabb {
-                min: Vec3A::from_array(b.min.to_array().map(down)),
-                max: Vec3A::from_array(b.max.to_array().map(up)),
-            })
-            .collect();
-        let params = BvhBuildParams::medium_build();
-        let bvh: Bvh2 = build_bvh2(&outward, params, &mut Duration::default());
-        let nodes = bvh
-            .nodes
-            .iter()
-            .map(|n| Node {
-                bounds: Aabb {
-                    min: DVec3::from_array(n.aabb().min.to_array().map(f64::from)),
-                    max: DVec3::from_array(n.aabb().max.to_array().map(f64::from)),
-                },
-                first: n.first_index,
-                n_items: if n.is_leaf() { n.prim_count } else { 0 },
-            })
-            .collect();
-        let items = bvh
-            .primitive_indices
-            .iter()
-            .map(|&i| boxes[i as usize].0)
-            .collect();
-        Self { nodes, items }
+        build::build(boxes)
     }
 
     /// Calls `found` with every item whose box may meet the query: `is_candidate`
@@ -118,7 +110,8 @@ impl BoxTree {
         if self.nodes.is_empty() {
             return;
         }
-        let mut stack = [0u32; 128];
+        // Every level leaves one node waiting.
+        let mut stack = [0u32; build::DEEPEST + 1];
         let mut depth = 1;
         while depth > 0 {
             depth -= 1;
@@ -149,16 +142,6 @@ impl BoxTree {
     pub fn is_empty(&self) -> bool {
         self.items.is_empty()
     }
-}
-
-fn down(x: f64) -> f32 {
-    let f = x as f32;
-    if f64::from(f) > x { f.next_down() } else { f }
-}
-
-fn up(x: f64) -> f32 {
-    let f = x as f32;
-    if f64::from(f) < x { f.next_up() } else { f }
 }
 
 #[cfg(test)]

@@ -130,6 +130,9 @@ pub struct SceneInput {
     pub materials: Vec<MaterialInput>,
     /// Surfaces.
     pub surfaces: Vec<SurfaceInput>,
+    /// Are surfaces split into triangles however far they are from plane? Else they are
+    /// refused where that is more than measuring explains.
+    pub triangulate: bool,
     /// What the reader already has to say (an unknown `Ka` emission, a missing
     /// material library): shown with the report of the check.
     pub notes: Vec<String>,

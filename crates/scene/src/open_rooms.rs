@@ -20,23 +20,21 @@
 //! 3. it surrounds something: its area vectors, which cancel in a closed shell,
 //!    add up to less than 0.6 of its area. A sheet has 1, a half cylinder 0.64, a
 //!    box of 12 m × 14 m × 3 m without ceiling 0.52.
+//!
+//! Of what surrounds something, open or not, surfaces may face the wrong way
+//! ([`flipped`]).
+
+mod flipped;
+mod joints;
 
 use crate::build::short;
-use crate::bvh::{Aabb, BoxTree};
+use crate::bvh::Aabb;
 use crate::problem::{Problem, Severity};
-use crate::scene::{Face, Scene, SurfaceId};
-use antumbra_geom::{DVec2, point_in_polygon};
+use crate::scene::{Scene, SurfaceId};
 use glam::DVec3;
-use std::collections::{BTreeMap, BTreeSet};
+use joints::{Component, Joints};
+use std::collections::BTreeMap;
 
-/// Corners this close, relative to the scene's extent, are one: rooms are written
-/// down to five digits (`real/energyplus-lshaped` misses by 2.8e-6), and a gap
-/// between a lamp and its ceiling is 1.2e-4 (1 mm in 8 m).
-const JOINED: f64 = 1e-4;
-/// Loose is what has more of its border free.
-const LOOSE: f64 = 0.5;
-/// Loose surfaces that differ by less in this go together.
-const LOOSE_TOGETHER: f64 = 0.1;
 /// Free edges of a room, relative to all its edges.
 const MOSTLY_JOINED: f64 = 0.5;
 /// Sum of the area vectors of a room, relative to its area.
@@ -126,428 +124,82 @@ impl Scene {
     #[must_use]
     pub fn open_rooms(&self) -> Vec<OpenRoom> {
         let joints = Joints::new(self);
-        let kept = joints.kept(self);
-        let loose = joints.without_partners(self);
-        joints
-            .components(self, &kept)
+        let components = joints.components();
+        let loose = joints.without_partners();
+        let rooms = components.iter().map(|c| open(&joints, &loose, c));
+        rooms.flatten().collect()
+    }
+
+    /// What is wrong with rooms: surfaces that face the wrong way, and rooms that are open.
+    #[must_use]
+    pub fn room_problems(&self) -> Vec<Problem> {
+        let joints = Joints::new(self);
+        let components = joints.components();
+        let loose = joints.without_partners();
+        let middles = flipped::Middles::default();
+        let flipped = components
+            .iter()
+            .flat_map(|c| flipped::find(&joints, &middles, c));
+        let open = components.iter().filter_map(|c| open(&joints, &loose, c));
+        let mut problems: Vec<Problem> = flipped.collect();
+        problems.extend(open.map(|room| room.problem(self)));
+        problems
+    }
+}
+
+/// What is wrong with a component, if it is a room that is open.
+fn open(
+    joints: &Joints<'_>,
+    loose: &BTreeMap<SurfaceId, f64>,
+    component: &Component,
+) -> Option<OpenRoom> {
+    let scene = joints.scene;
+    let mut whole = 0.0;
+    let mut gap = 0.0;
+    let mut bounds = Aabb::EMPTY;
+    let mut rim: BTreeMap<SurfaceId, f64> = BTreeMap::new();
+    let mut beside: BTreeMap<SurfaceId, f64> = BTreeMap::new();
+    for stretch in joints.of(component) {
+        whole += joints.length(stretch);
+        for run in &stretch.runs {
+            if let Some(&share) = loose.get(&run.surface) {
+                beside.insert(run.surface, share);
+            }
+        }
+        let Some(first) = joints.ends_free(stretch) else {
+            continue;
+        };
+        for &[from, to] in joints.free(stretch) {
+            let length = from.distance(to);
+            gap += length;
+            bounds = bounds.union(Aabb::of([from, to]));
+            *rim.entry(first).or_default() += length;
+        }
+    }
+    if gap <= 10.0 * joints.tolerance || gap >= MOSTLY_JOINED * whole {
+        return None;
+    }
+    if joints.area_vectors(&joints.shells(component)) >= SURROUNDING {
+        return None;
+    }
+    let to_file = |length: f64| scene.frame.length_to_file(length);
+    let by_size = |sizes: BTreeMap<SurfaceId, f64>| {
+        let mut sizes: Vec<(SurfaceId, f64)> = sizes.into_iter().collect();
+        // As they are shown: equal ones in the order of the file.
+        sizes.sort_by(|a, b| round(b.1).total_cmp(&round(a.1)).then(a.0.cmp(&b.0)));
+        sizes
+    };
+    Some(OpenRoom {
+        surfaces: component.surfaces.clone(),
+        gap_length: to_file(gap),
+        gap_from: scene.frame.to_file(bounds.min),
+        gap_to: scene.frame.to_file(bounds.max),
+        rim: by_size(rim)
             .into_iter()
-            .filter_map(|surfaces| joints.room(self, &kept, &loose, surfaces))
-            .collect()
-    }
-}
-
-/// Where a face runs along a stretch.
-#[derive(Clone, Copy)]
-struct Run {
-    face: u32,
-    surface: SurfaceId,
-    /// From the smaller corner to the larger?
-    is_forward: bool,
-}
-
-/// Stretches of edges between joined corners, and who runs along them.
-struct Joints {
-    tolerance: f64,
-    corners: Vec<DVec3>,
-    stretches: BTreeMap<[u32; 2], Stretch>,
-}
-
-/// A stretch of an edge between neighbouring corners.
-#[derive(Default)]
-struct Stretch {
-    runs: Vec<Run>,
-    /// The parts that do not lie on a surface.
-    free: Vec<[DVec3; 2]>,
-}
-
-impl Joints {
-    fn new(scene: &Scene) -> Self {
-        let tolerance = JOINED * scene.extent;
-        let (corners, corner_of) = joined(&scene.vertices, tolerance);
-        let mut joints = Self {
-            tolerance,
-            corners,
-            stretches: BTreeMap::new(),
-        };
-        let mut runs: Vec<([u32; 2], Run)> = Vec::new();
-        for (f, face) in fronts(scene) {
-            for corners in face.loops() {
-                for (i, a) in corners.iter().enumerate() {
-                    let b = corners[(i + 1) % corners.len()];
-                    let [a, b] = [a.index(), b.index()].map(|v| corner_of[v]);
-                    let run = Run {
-                        face: f as u32,
-                        surface: face.surface,
-                        is_forward: a < b,
-                    };
-                    if a != b {
-                        runs.push(([a.min(b), a.max(b)], run));
-                    }
-                }
-            }
-        }
-        let on_edges = joints.corners_on(runs.iter().map(|(edge, _)| *edge));
-        for (edge, run) in runs {
-            let mut from = edge[0];
-            for &to in on_edges[&edge].iter().chain([&edge[1]]) {
-                let key = [from.min(to), from.max(to)];
-                let run = Run {
-                    is_forward: run.is_forward == (from < to),
-                    ..run
-                };
-                joints.stretches.entry(key).or_default().runs.push(run);
-                from = to;
-            }
-        }
-        let mut stretches = std::mem::take(&mut joints.stretches);
-        for (stretch, Stretch { free, .. }) in &mut stretches {
-            *free = joints.uncovered(scene, stretch);
-        }
-        joints.stretches = stretches;
-        joints
-    }
-
-    /// For every edge the corners inside it, from its first end to its second.
-    fn corners_on(&self, edges: impl Iterator<Item = [u32; 2]>) -> BTreeMap<[u32; 2], Vec<u32>> {
-        let boxes: Vec<(u32, Aabb)> = self
-            .corners
-            .iter()
-            .enumerate()
-            .map(|(i, &p)| (i as u32, Aabb { min: p, max: p }))
-            .collect();
-        let tree = BoxTree::new(&boxes);
-        let mut on_edges = BTreeMap::new();
-        for edge in edges {
-            on_edges.entry(edge).or_insert_with(|| {
-                let [a, b] = edge.map(|c| self.corners[c as usize]);
-                let around = Aabb::of([a, b]);
-                let around = Aabb {
-                    min: around.min - self.tolerance,
-                    max: around.max + self.tolerance,
-                };
-                let along = b - a;
-                let mut on: Vec<(f64, u32)> = Vec::new();
-                tree.visit(
-                    |candidate| candidate.meets(&around),
-                    |c| {
-                        let p = self.corners[c as usize];
-                        let t = (p - a).dot(along) / along.length_squared();
-                        let is_inside = !edge.contains(&c) && 0.0 < t && t < 1.0;
-                        if is_inside && p.distance(a + t * along) <= self.tolerance {
-                            on.push((t, c));
-                        }
-                    },
-                );
-                on.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
-                on.into_iter().map(|(_, c)| c).collect()
-            });
-        }
-        on_edges
-    }
-
-    fn length(&self, stretch: &[u32; 2]) -> f64 {
-        let [a, b] = stretch.map(|c| self.corners[c as usize]);
-        a.distance(b)
-    }
-
-    /// Surfaces without partners along most of their border, and which part of it.
-    fn without_partners(&self, scene: &Scene) -> BTreeMap<SurfaceId, f64> {
-        let all = vec![true; scene.surfaces.len()];
-        let shares = self.free_shares(&all, |_, length| length);
-        let ids = (0..).map(SurfaceId);
-        ids.zip(shares)
-            .filter(|(_, share)| *share > LOOSE)
-            .collect()
-    }
-
-    /// Which surfaces are not loose.
-    fn kept(&self, scene: &Scene) -> Vec<bool> {
-        let mut kept = vec![true; scene.surfaces.len()];
-        loop {
-            let shares = self.free_shares(&kept, |stretch, _| {
-                stretch.free.iter().map(|[a, b]| a.distance(*b)).sum()
-            });
-            let largest = shares.iter().copied().fold(0.0, f64::max);
-            if largest <= LOOSE {
-                return kept;
-            }
-            // The loosest go first: a pane in a window leaves its wall joined.
-            let least = LOOSE.max(largest - LOOSE_TOGETHER);
-            for (kept, share) in kept.iter_mut().zip(shares) {
-                *kept &= share <= least;
-            }
-        }
-    }
-
-    /// The part of every kept surface's border where an odd number of kept surfaces
-    /// end, by what such a stretch counts for, of its length.
-    fn free_shares(&self, kept: &[bool], counts: impl Fn(&Stretch, f64) -> f64) -> Vec<f64> {
-        let mut border = vec![[0.0; 2]; kept.len()];
-        for (corners, stretch) in &self.stretches {
-            let length = self.length(corners);
-            let runs = || stretch.runs.iter().filter(|r| kept[r.surface.index()]);
-            let is_odd = runs().count() % 2 == 1;
-            let free_length = if is_odd { counts(stretch, length) } else { 0.0 };
-            for run in runs() {
-                let [free, all] = &mut border[run.surface.index()];
-                *all += length;
-                *free += free_length;
-            }
-        }
-        border
-            .iter()
-            .map(|&[free, all]| if all > 0.0 { free / all } else { 0.0 })
-            .collect()
-    }
-
-    /// Kept surfaces that hang together by stretches.
-    fn components(&self, scene: &Scene, kept: &[bool]) -> Vec<BTreeSet<SurfaceId>> {
-        fn root(parent: &mut [usize], mut i: usize) -> usize {
-            while parent[i] != i {
-                parent[i] = parent[parent[i]];
-                i = parent[i];
-            }
-            i
-        }
-        let mut parent: Vec<usize> = (0..scene.surfaces.len()).collect();
-        for Stretch { runs, .. } in self.stretches.values() {
-            let mut surfaces = runs
-                .iter()
-                .map(|run| run.surface.index())
-                .filter(|&s| kept[s]);
-            let Some(first) = surfaces.next() else {
-                continue;
-            };
-            for other in surfaces {
-                let (a, b) = (root(&mut parent, first), root(&mut parent, other));
-                parent[a.max(b)] = a.min(b);
-            }
-        }
-        let mut components: BTreeMap<usize, BTreeSet<SurfaceId>> = BTreeMap::new();
-        for s in (0..kept.len()).filter(|&s| kept[s] && !scene.surfaces[s].faces.is_empty()) {
-            let root = root(&mut parent, s);
-            components
-                .entry(root)
-                .or_default()
-                .insert(SurfaceId(s as u32));
-        }
-        components.into_values().collect()
-    }
-
-    /// What is wrong with a component, if it is a room that is open.
-    fn room(
-        &self,
-        scene: &Scene,
-        kept: &[bool],
-        loose: &BTreeMap<SurfaceId, f64>,
-        surfaces: BTreeSet<SurfaceId>,
-    ) -> Option<OpenRoom> {
-        let mut whole = 0.0;
-        let mut gap = 0.0;
-        let mut bounds = Aabb::EMPTY;
-        let mut rim: BTreeMap<SurfaceId, f64> = BTreeMap::new();
-        let mut beside: BTreeMap<SurfaceId, f64> = BTreeMap::new();
-        for (stretch, Stretch { runs, free }) in &self.stretches {
-            let mut here = runs.iter().filter(|r| surfaces.contains(&r.surface));
-            let Some(first) = here.next() else { continue };
-            let length = self.length(stretch);
-            whole += length;
-            for run in runs {
-                if let Some(&share) = loose.get(&run.surface) {
-                    beside.insert(run.surface, share);
-                }
-            }
-            if here.count() % 2 == 1 {
-                continue;
-            }
-            for &[from, to] in free {
-                let length = from.distance(to);
-                gap += length;
-                bounds = bounds.union(Aabb::of([from, to]));
-                *rim.entry(first.surface).or_default() += length;
-            }
-        }
-        if gap <= 10.0 * self.tolerance || gap >= MOSTLY_JOINED * whole {
-            return None;
-        }
-        if self.area_vectors(scene, kept, &surfaces) >= SURROUNDING {
-            return None;
-        }
-        let to_file = |length: f64| scene.frame.length_to_file(length);
-        let by_size = |sizes: BTreeMap<SurfaceId, f64>| {
-            let mut sizes: Vec<(SurfaceId, f64)> = sizes.into_iter().collect();
-            sizes.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-            sizes
-        };
-        Some(OpenRoom {
-            surfaces: surfaces.into_iter().collect(),
-            gap_length: to_file(gap),
-            gap_from: scene.frame.to_file(bounds.min),
-            gap_to: scene.frame.to_file(bounds.max),
-            rim: by_size(rim)
-                .into_iter()
-                .map(|(s, x)| (s, to_file(x)))
-                .collect(),
-            loose: by_size(beside),
-        })
-    }
-
-    /// The parts of a stretch that do not lie on a surface.
-    fn uncovered(&self, scene: &Scene, stretch: &[u32; 2]) -> Vec<[DVec3; 2]> {
-        let [a, b] = stretch.map(|c| self.corners[c as usize]);
-        let length = a.distance(b);
-        let around = Aabb::of([a, b]);
-        let around = Aabb {
-            min: around.min - self.tolerance,
-            max: around.max + self.tolerance,
-        };
-        let mut faces = BTreeSet::new();
-        scene.tree.visit(
-            |candidate| candidate.meets(&around),
-            |piece| {
-                faces.insert(scene.pieces[piece as usize].face);
-            },
-        );
-        // Where the border of any face in whose plane it lies crosses it.
-        let mut charts = Vec::new();
-        let mut cuts = vec![0.0, 1.0];
-        for face in faces {
-            let chart = scene.chart(face);
-            if chart.height(a).abs() > self.tolerance || chart.height(b).abs() > self.tolerance {
-                continue;
-            }
-            let loops: Vec<Vec<DVec2>> = scene
-                .face(face)
-                .loops()
-                .map(|corners| {
-                    let corners = corners.iter();
-                    corners
-                        .map(|&v| chart.to_chart(scene.position(v)))
-                        .collect()
-                })
-                .collect();
-            let (a, b) = (chart.to_chart(a), chart.to_chart(b));
-            for (c, d) in loops.iter().flat_map(|corners| edges(corners)) {
-                let (along, across) = (b - a, d - c);
-                let turn = along.perp_dot(across);
-                let t = (c - a).perp_dot(across) / turn;
-                if t > 0.0 && t < 1.0 {
-                    cuts.push(t);
-                }
-                for end in [c, d] {
-                    let t = (end - a).dot(along) / along.length_squared();
-                    if t > 0.0 && t < 1.0 {
-                        cuts.push(t);
-                    }
-                }
-            }
-            charts.push((chart, loops));
-        }
-        cuts.sort_by(f64::total_cmp);
-        cuts.windows(2)
-            .filter(|t| (t[1] - t[0]) * length > self.tolerance)
-            .map(|t| [t[0], t[1]].map(|t| a + t * (b - a)))
-            .filter(|[from, to]| {
-                let middle = (*from + *to) / 2.0;
-                !charts.iter().any(|(chart, loops)| {
-                    let middle = chart.to_chart(middle);
-                    point_in_polygon(middle, loops.iter().map(Vec::as_slice))
-                        && loops
-                            .iter()
-                            .flat_map(|corners| edges(corners))
-                            .all(|edge| distance(middle, edge) > self.tolerance)
-                })
-            })
-            .collect()
-    }
-
-    /// The length of the sum of all area vectors, relative to the area, with all
-    /// faces turned the way of their neighbours.
-    fn area_vectors(&self, scene: &Scene, kept: &[bool], surfaces: &BTreeSet<SurfaceId>) -> f64 {
-        let mut neighbours: BTreeMap<u32, Vec<(u32, bool)>> = BTreeMap::new();
-        for Stretch { runs, .. } in self.stretches.values() {
-            let runs: Vec<&Run> = runs.iter().filter(|r| kept[r.surface.index()]).collect();
-            if let [a, b] = runs[..]
-                && surfaces.contains(&a.surface)
-            {
-                let is_turned = a.is_forward == b.is_forward;
-                neighbours
-                    .entry(a.face)
-                    .or_default()
-                    .push((b.face, is_turned));
-                neighbours
-                    .entry(b.face)
-                    .or_default()
-                    .push((a.face, is_turned));
-            }
-        }
-        let mut is_seen = vec![false; scene.faces.len()];
-        let (mut vectors, mut area) = (0.0, 0.0);
-        for (f, _) in fronts(scene).filter(|(_, face)| surfaces.contains(&face.surface)) {
-            let mut sum = DVec3::ZERO;
-            let mut open = vec![(f as u32, 1.0)];
-            while let Some((f, sign)) = open.pop() {
-                if std::mem::replace(&mut is_seen[f as usize], true) {
-                    continue;
-                }
-                let face = &scene.faces[f as usize];
-                sum += face.normal * (sign * face.area);
-                area += face.area;
-                for &(next, is_turned) in neighbours.get(&f).into_iter().flatten() {
-                    open.push((next, if is_turned { -sign } else { sign }));
-                }
-            }
-            vectors += sum.length();
-        }
-        vectors / area
-    }
-}
-
-fn fronts(scene: &Scene) -> impl Iterator<Item = (usize, &Face)> {
-    scene
-        .faces
-        .iter()
-        .enumerate()
-        .filter(|(_, face)| !face.is_back)
-}
-
-fn edges(corners: &[DVec2]) -> impl Iterator<Item = (DVec2, DVec2)> + '_ {
-    let n = corners.len();
-    (0..n).map(move |i| (corners[i], corners[(i + 1) % n]))
-}
-
-fn distance(p: DVec2, (a, b): (DVec2, DVec2)) -> f64 {
-    let along = b - a;
-    let t = ((p - a).dot(along) / along.length_squared()).clamp(0.0, 1.0);
-    p.distance(a + t * along)
-}
-
-/// Corners such that every point is within `tolerance` of its own, and which that
-/// is. The first point of a cluster is its corner, so clusters do not creep.
-fn joined(points: &[DVec3], tolerance: f64) -> (Vec<DVec3>, Vec<u32>) {
-    let mut corners: Vec<DVec3> = Vec::new();
-    let mut corner_of = Vec::with_capacity(points.len());
-    let mut grid: BTreeMap<[i64; 3], Vec<u32>> = BTreeMap::new();
-    for &p in points {
-        let cell = p.to_array().map(|x| (x / tolerance).floor() as i64);
-        let mut known = None;
-        for i in 0..27 {
-            let near = [0, 1, 2].map(|k| cell[k] + [-1, 0, 1][i / [1, 3, 9][k] % 3]);
-            let found = grid.get(&near).into_iter().flatten();
-            let found = found
-                .copied()
-                .find(|&c| corners[c as usize].distance(p) <= tolerance);
-            known = known.or(found);
-        }
-        let corner = known.unwrap_or_else(|| {
-            let new = corners.len() as u32;
-            corners.push(p);
-            grid.entry(cell).or_default().push(new);
-            new
-        });
-        corner_of.push(corner);
-    }
-    (corners, corner_of)
+            .map(|(s, x)| (s, to_file(x)))
+            .collect(),
+        loose: by_size(beside),
+    })
 }
 
 #[cfg(test)]
@@ -691,5 +343,165 @@ mod tests {
             surface(&format!("sheet-{k}"), &corners)
         });
         assert_eq!(open_rooms(sheet.collect()), []);
+    }
+
+    /// The names of flipped surfaces, by room.
+    fn flipped(surfaces: Vec<SurfaceInput>, two_sided: bool) -> Vec<Vec<String>> {
+        let input = SceneInput {
+            materials: vec![MaterialInput {
+                name: "white".to_owned(),
+                reflectance: vec![0.5],
+                exitance: vec![0.0],
+                two_sided,
+            }],
+            surfaces,
+            ..SceneInput::default()
+        };
+        let scene = Scene::build(&input).unwrap().scene;
+        let problems = scene.room_problems().into_iter();
+        let flipped = problems.filter(|p| p.kind == "flipped");
+        flipped.map(|p| p.names).collect()
+    }
+
+    fn turn(surfaces: &mut [SurfaceInput], names: &[&str]) {
+        for surface in surfaces {
+            if names.contains(&surface.name.as_str()) {
+                surface.vertices.reverse();
+            }
+        }
+    }
+
+    /// Every quadrilateral as two triangles.
+    fn in_triangles(surfaces: &[SurfaceInput]) -> Vec<SurfaceInput> {
+        let halves = surfaces.iter().flat_map(|s| {
+            (1..s.vertices.len() - 1).map(|k| {
+                let corners = [s.vertices[0], s.vertices[k], s.vertices[k + 1]];
+                surface(&format!("{}/{k}", s.name), &corners)
+            })
+        });
+        halves.collect()
+    }
+
+    /// A box that stands in the room or hangs in it, facing outwards.
+    fn chest(name: &str, low: DVec3, high: DVec3) -> Vec<SurfaceInput> {
+        let plan = [
+            (low.x, low.y),
+            (low.x, high.y),
+            (high.x, high.y),
+            (high.x, low.y),
+        ];
+        let mut sides = room(&plan, high.z - low.z);
+        for side in &mut sides {
+            side.name = format!("{name}-{}", side.name);
+            for p in &mut side.vertices {
+                p.z += low.z;
+            }
+        }
+        sides
+    }
+
+    #[test]
+    fn reversed_walls_are_named() {
+        for reversed in [
+            &["wall-2"][..],
+            &["floor"],
+            &["wall-0", "wall-3"],
+            &["ceiling", "wall-1"],
+        ] {
+            for plan in [&BOX[..], &L] {
+                let mut surfaces = room(plan, 3.0);
+                turn(&mut surfaces, reversed);
+                let mut found = flipped(surfaces.clone(), false);
+                assert_eq!(found.len(), 1, "{reversed:?}");
+                found[0].sort_unstable();
+                let mut expected = reversed.to_vec();
+                expected.sort_unstable();
+                assert_eq!(found[0], expected);
+                assert_eq!(flipped(surfaces.clone(), true), [[""; 0]; 0], "no backs");
+                if plan.len() > 4 {
+                    continue;
+                }
+                let found = flipped(in_triangles(&surfaces), false);
+                let halves = found[0].iter().map(|name| name.split('/').next().unwrap());
+                let mut halves: Vec<&str> = halves.collect();
+                halves.sort_unstable();
+                halves.dedup();
+                assert_eq!(halves, expected, "in triangles");
+                assert_eq!(
+                    flipped(surfaces, true),
+                    [[""; 0]; 0],
+                    "backs are fronts too"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn walls_that_end_within_an_edge_are_told_too() {
+        // The first wall in two, upright: the floor's edge has a corner in it.
+        let mut surfaces = room(&BOX, 3.0);
+        let half = |name: &str, from: f64, to: f64| {
+            let corners = [(to, 0.0), (from, 0.0), (from, 3.0), (to, 3.0)];
+            surface(name, &corners.map(|(x, z)| dvec3(x, 0.0, z)))
+        };
+        surfaces[0] = half("left", 0.0, 2.5);
+        surfaces.push(half("right", 2.5, 6.0));
+        assert_eq!(flipped(surfaces.clone(), false), [[""; 0]; 0]);
+        turn(&mut surfaces, &["right"]);
+        assert_eq!(flipped(surfaces, false), [["right"]]);
+    }
+
+    #[test]
+    fn what_a_room_holds_tells_its_inside() {
+        // Most of it is turned, and it is a room all the same: something hangs in it.
+        let mut surfaces = room(&BOX, 3.0);
+        turn(&mut surfaces, &["floor", "ceiling", "wall-0", "wall-2"]);
+        let few = flipped(surfaces.clone(), false);
+        assert_eq!(few, [["wall-1", "wall-3"]], "without: the smaller part");
+        surfaces.extend(chest("lamp", dvec3(2.0, 2.0, 1.0), dvec3(3.0, 3.0, 2.0)));
+        let found = flipped(surfaces, false);
+        assert_eq!(found, [["wall-0", "wall-2", "floor", "ceiling"]]);
+    }
+
+    #[test]
+    fn nothing_is_said_of_what_may_face_as_it_likes() {
+        let nothing = [[""; 0]; 0];
+        // Furniture in the open, at a wall, in a corner and off the floor.
+        let mut furnished = room(&BOX, 3.0);
+        let z = |x: f64, y: f64, z: f64| dvec3(x, y, z);
+        furnished.extend(chest("a", z(2.0, 2.0, 0.0), z(3.0, 3.0, 1.0)));
+        furnished.extend(chest("b", z(5.0, 2.0, 0.0), z(6.0, 3.0, 2.0)));
+        furnished.extend(chest("c", z(0.0, 0.0, 0.0), z(1.0, 1.0, 3.0)));
+        furnished.extend(chest("d", z(4.0, 1.0, 1.0), z(4.5, 1.5, 1.1)));
+        furnished.extend(chest("e", z(2.0, 2.0, 1.0), z(3.0, 3.0, 2.0)));
+        assert_eq!(flipped(furnished, false), nothing);
+        // The same outside in: consistent, whatever it is.
+        let mut outside_in = room(&L, 3.0);
+        let names: Vec<String> = outside_in.iter().map(|s| s.name.clone()).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        turn(&mut outside_in, &names);
+        assert_eq!(flipped(outside_in, false), nothing);
+        // Plates at an edge, one of which faces the other way, and plates back to back.
+        let mut plates = room(&BOX, 3.0);
+        plates.truncate(2);
+        turn(&mut plates, &["wall-0"]);
+        assert_eq!(flipped(plates, false), nothing);
+        let mut sheets = room(&BOX, 3.0);
+        sheets.truncate(1);
+        let mut back = sheets[0].clone();
+        back.name = "back".to_owned();
+        sheets.push(back.clone());
+        assert_eq!(flipped(sheets.clone(), false), nothing);
+        sheets[1].vertices.reverse();
+        assert_eq!(flipped(sheets, false), nothing);
+        // Two rooms with a wall between them that faces one of them.
+        let mut two = room(&BOX, 3.0);
+        let mut beside = room(&[(6.0, 0.0), (9.0, 0.0), (9.0, 5.0), (6.0, 5.0)], 3.0);
+        beside.remove(3);
+        for s in &mut beside {
+            s.name = format!("beside-{}", s.name);
+        }
+        two.append(&mut beside);
+        assert_eq!(flipped(two, false), nothing);
     }
 }

@@ -131,48 +131,32 @@ impl Scene {
     /// For each edge the vertices inside it, from its first end to its second.
     fn vertices_on_edges(&self) -> Vec<Vec<VertexId>> {
         let tolerance = self.plane_tolerance();
-        let boxes: Vec<(u32, Aabb)> = self
-            .edges
-            .iter()
-            .enumerate()
-            .map(|(i, edge)| {
-                let b = Aabb::of(edge.ends.map(|v| self.position(v)));
-                (
-                    i as u32,
-                    Aabb {
-                        min: b.min - tolerance,
-                        max: b.max + tolerance,
-                    },
-                )
-            })
+        let boxes: Vec<(u32, Aabb)> = (0..)
+            .zip(&self.vertices)
+            .map(|(v, &p)| (v, Aabb { min: p, max: p }))
             .collect();
         let tree = BoxTree::new(&boxes);
-        let mut on: Vec<Vec<(f64, VertexId)>> = vec![Vec::new(); self.edges.len()];
-        for (v, &p) in self.vertices.iter().enumerate() {
-            let v = VertexId(v as u32);
-            let query = Aabb { min: p, max: p };
+        let on = self.edges.iter().map(|edge| {
+            let [a, b] = edge.ends.map(|e| self.position(e));
+            let along = b - a;
+            let mut on: Vec<(f64, VertexId)> = Vec::new();
             tree.visit(
-                |b| b.meets(&query),
-                |i| {
-                    let ends = self.edges[i as usize].ends;
-                    if ends.contains(&v) {
-                        return;
-                    }
-                    let [a, b] = ends.map(|e| self.position(e));
-                    let along = b - a;
+                // Wider than the tolerance, which the walk's rounding stays below.
+                |node| node.meets_segment(a, b, 2.0 * tolerance),
+                |v| {
+                    let p = self.vertices[v as usize];
+                    let v = VertexId(v);
                     let t = (p - a).dot(along) / along.length_squared();
-                    if (0.0..=1.0).contains(&t) && p.distance(a + t * along) <= tolerance {
-                        on[i as usize].push((t, v));
+                    let is_on = (0.0..=1.0).contains(&t) && p.distance(a + t * along) <= tolerance;
+                    if is_on && !edge.ends.contains(&v) {
+                        on.push((t, v));
                     }
                 },
             );
-        }
-        on.into_iter()
-            .map(|mut on| {
-                on.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-                on.into_iter().map(|(_, v)| v).collect()
-            })
-            .collect()
+            on.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            on.into_iter().map(|(_, v)| v).collect()
+        });
+        on.collect()
     }
 
     fn is_closed(&self, on_edges: &[Vec<VertexId>]) -> bool {

@@ -8,7 +8,8 @@ use serde_json::{Map, Value};
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Document {
-    pub(super) asset: Asset,
+    #[expect(dead_code, reason = "it must be there; what it says is checked before")]
+    asset: Asset,
     #[serde(default)]
     pub(super) extensions_used: Vec<String>,
     #[serde(default)]
@@ -33,10 +34,9 @@ pub(super) struct Document {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
 pub(super) struct Asset {
-    pub(super) version: String,
-    pub(super) min_version: Option<String>,
+    #[expect(dead_code, reason = "as above")]
+    version: String,
 }
 
 #[derive(Debug, Deserialize)]
@@ -106,7 +106,8 @@ pub(super) struct Material {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Pbr {
-    pub(super) base_color_factor: [f64; 4],
+    /// 1 in all parts by the standard.
+    pub(super) base_color_factor: Option<[f64; 4]>,
     pub(super) base_color_texture: Option<Value>,
     pub(super) metallic_factor: f64,
 }
@@ -114,7 +115,7 @@ pub(super) struct Pbr {
 impl Default for Pbr {
     fn default() -> Self {
         Self {
-            base_color_factor: [1.0; 4],
+            base_color_factor: None,
             base_color_texture: None,
             metallic_factor: 1.0,
         }
@@ -125,6 +126,16 @@ impl Default for Pbr {
 pub(super) struct MaterialExtensions {
     #[serde(rename = "KHR_materials_emissive_strength")]
     pub(super) emissive_strength: Option<EmissiveStrength>,
+    #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
+    pub(super) specular_glossiness: Option<SpecularGlossiness>,
+}
+
+/// In place of metal and roughness, in files of some years ago.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct SpecularGlossiness {
+    pub(super) diffuse_factor: Option<[f64; 4]>,
+    pub(super) diffuse_texture: Option<Value>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -36,21 +36,9 @@ impl Nearby {
         // Rounding of the shift, of the scale and of the parameters below: a few
         // units in the last place.
         let margin = reach * self.scale + 1e-14 * (1.0 + a.abs().max(b.abs()).max_element());
-        let along = b - a;
-        let meets = |node: &Aabb| {
-            let (low, high) = (node.min - margin, node.max + margin);
-            let mut range = (0.0f64, 1.0f64);
-            (0..3).all(|k| {
-                if along[k].abs() <= margin {
-                    return a[k].min(b[k]) <= high[k] && low[k] <= a[k].max(b[k]);
-                }
-                let (s, t) = ((low[k] - a[k]) / along[k], (high[k] - a[k]) / along[k]);
-                range = (range.0.max(s.min(t)), range.1.min(s.max(t)));
-                range.0 <= range.1
-            })
-        };
         let mut found = Vec::new();
-        self.tree.visit(meets, |id| found.push(id));
+        self.tree
+            .visit(|node| node.meets_segment(a, b, margin), |id| found.push(id));
         found.sort_unstable();
         found
     }

@@ -34,6 +34,7 @@ fn check(merged: &Merged) -> Result<Vec<String>, Vec<String>> {
             two_sided: false,
         }],
         surfaces: merged.surfaces.clone(),
+        triangulate: false,
         notes: Vec::new(),
     };
     let said = |list: Vec<antumbra_scene::Problem>| list.into_iter().map(|p| p.message).collect();

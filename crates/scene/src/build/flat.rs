@@ -1,7 +1,9 @@
 //! The corners of one surface in its chart, where predicates are exact.
 
+use super::near::NearEdges;
 use super::outline::{Refusal, Shape};
 use super::weld::WELD_TOLERANCE;
+use crate::bvh::Aabb;
 use antumbra_geom::{Chart, DVec2, DVec3, cdt, convex_pieces, segments_cross, signed_area};
 
 /// An edge of a surface in its chart: its loop, and its corners by local number.
@@ -74,11 +76,16 @@ impl Flat {
             (a.min(b), a.max(b))
         };
         segments.sort_by(|s, t| span(s, 0).0.total_cmp(&span(t, 0).0));
+        let in_space = |s: &Segment| self.segment(*s).map(|p| p.extend(0.0));
+        let near = NearEdges::new(segments.iter().map(|s| Aabb::of(in_space(s))));
+        // More than coordinates of this size round.
+        let margin = 1e-14 * self.points.iter().map(|p| p.length()).fold(0.0, f64::max);
         for (i, s) in segments.iter().enumerate() {
             let (end, (low, high)) = (span(s, 0).1, span(s, 1));
-            for t in segments[i + 1..].iter().take_while(|t| span(t, 0).0 <= end) {
+            for t in near.of(in_space(s), margin).into_iter().filter(|&j| j > i) {
+                let t = &segments[t];
                 let (other_low, other_high) = span(t, 1);
-                if other_low > high || other_high < low {
+                if span(t, 0).0 > end || other_low > high || other_high < low {
                     continue;
                 }
                 let ([a, b], [c, d]) = (self.segment(*s), self.segment(*t));

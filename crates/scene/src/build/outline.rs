@@ -2,11 +2,14 @@
 
 use super::flat::{Flat, crossing_point};
 use super::loops::{open_keyholes, without_repeats};
+use super::near::NearEdges;
 use super::weld::WELD_TOLERANCE;
 use super::{Findings, Units, short};
 use crate::bvh::Aabb;
 use crate::scene::Scene;
-use antumbra_geom::{Chart, DVec2, DVec3, Plane, newell_normal, point_in_polygon, signed_area};
+use antumbra_geom::{
+    Chart, DVec2, DVec3, Plane, bounding_box, newell_normal, point_in_polygon, signed_area,
+};
 
 /// Off its plane by less than this part of its size a surface is plane: eight
 /// digits more than drawing programs write, seven fewer than a rotation loses.
@@ -78,6 +81,8 @@ pub(super) struct Shaper<'a> {
     pub(super) vertices: &'a [DVec3],
     pub(super) extent: f64,
     pub(super) units: Units,
+    /// Is what is warped split, however much?
+    pub(super) triangulate: bool,
     pub(super) findings: &'a mut Findings,
 }
 
@@ -158,7 +163,7 @@ impl Shaper<'_> {
         let flat = (FLAT * size).min(1e-3 * thickness);
         let flat = flat.max(self.extent * Scene::PLANE_TOLERANCE);
         let is_flat = deviation <= flat;
-        if relative > WARPED && !is_flat {
+        if relative > WARPED && !is_flat && !self.triangulate {
             return Err(Refusal::Bad(
                 "non-planar",
                 format!(
@@ -456,15 +461,20 @@ impl Shaper<'_> {
         let mut all: Vec<u32> = loops.iter().flatten().copied().collect();
         all.sort_unstable();
         all.dedup();
+        let near = NearEdges::new(all.iter().map(|&v| Aabb::of([self.vertices[v as usize]])));
         for corners in loops {
             let mut cut = Vec::with_capacity(corners.len());
             for (i, &a) in corners.iter().enumerate() {
                 let b = corners[(i + 1) % corners.len()];
                 cut.push(a);
-                let mut on: Vec<(f64, u32)> = all
-                    .iter()
-                    .filter(|&&v| v != a && v != b)
-                    .filter_map(|&v| Some((self.position_along(a, b, v)?, v)))
+                let edge = [a, b].map(|v| self.vertices[v as usize]);
+                // Wider than the tolerance, which the walk's rounding stays below.
+                let mut on: Vec<(f64, u32)> = near
+                    .of(edge, 2.0 * self.tolerance())
+                    .into_iter()
+                    .map(|k| all[k])
+                    .filter(|&v| v != a && v != b)
+                    .filter_map(|v| Some((self.position_along(a, b, v)?, v)))
                     .collect();
                 on.sort_by(|x, y| x.0.total_cmp(&y.0));
                 cut.extend(on.into_iter().map(|(_, v)| v));
@@ -484,6 +494,12 @@ impl Shaper<'_> {
     /// Takes apart a loop at corners it passes twice, where a part runs the
     /// other way round: a hole that touches the outline in a corner.
     fn split_pinches(&self, corners: Vec<u32>, normal: DVec3) -> Vec<Vec<u32>> {
+        let mut distinct = corners.clone();
+        distinct.sort_unstable();
+        distinct.dedup();
+        if distinct.len() == corners.len() {
+            return vec![corners];
+        }
         let mut parts = Vec::new();
         let mut rest = corners;
         let mut i = 0;
@@ -614,6 +630,9 @@ fn check_counts(loops: &[Vec<u32>]) -> Result<(), Refusal> {
 fn check_holes(shape: &mut Shape, flat: &Flat) -> Result<(), Refusal> {
     let outline = flat.points(&shape.outline);
     let holes: Vec<Vec<DVec2>> = shape.holes.iter().map(|hole| flat.points(hole)).collect();
+    let boxes = holes.iter().map(|hole| bounding_box(hole.iter().copied()));
+    let boxes: Vec<[DVec2; 2]> = boxes.collect();
+    let holds = |[low, high]: [DVec2; 2], p: DVec2| low.cmple(p).all() && p.cmple(high).all();
     for (k, hole) in holes.iter().enumerate() {
         // No loop crosses another: one point decides.
         let inside = hole[0].midpoint(hole[1]);
@@ -623,8 +642,11 @@ fn check_holes(shape: &mut Shape, flat: &Flat) -> Result<(), Refusal> {
                 format!("hole {} lies outside the outline (allowed inside)", k + 1),
             ));
         }
-        let within = (0..holes.len())
-            .find(|&other| other != k && point_in_polygon(inside, [holes[other].as_slice()]));
+        let within = (0..holes.len()).find(|&other| {
+            other != k
+                && holds(boxes[other], inside)
+                && point_in_polygon(inside, [holes[other].as_slice()])
+        });
         if let Some(other) = within {
             return Err(Refusal::Bad(
                 "hole",

@@ -3,7 +3,7 @@
 use super::{Findings, Units};
 use crate::bvh::{Aabb, BoxTree};
 use crate::problem::{Problem, Severity};
-use crate::scene::{FaceId, Scene, SurfaceId};
+use crate::scene::{FaceId, Scene, SurfaceId, VertexId};
 use antumbra_geom::{DVec2, bounding_box, signed_area};
 use std::collections::BTreeMap;
 
@@ -48,7 +48,7 @@ fn overlaps_in(
     overlaps: &mut BTreeMap<(SurfaceId, SurfaceId), Overlap>,
 ) {
     let chart = scene.chart(faces[0]);
-    let flat = |corners: &[crate::scene::VertexId]| -> Vec<DVec2> {
+    let flat = |corners: &[VertexId]| -> Vec<DVec2> {
         corners
             .iter()
             .map(|&v| chart.to_chart(scene.position(v)))
@@ -72,7 +72,14 @@ fn overlaps_in(
                 .collect()
         })
         .collect();
+    let (firsts, copies) = copies(scene, faces);
+    for [i, j] in copies {
+        let [a, b] = [faces[i], faces[j]].map(|f| scene.face(f));
+        add(overlaps, [a.surface, b.surface], b.area, true);
+    }
+    let boxes: Vec<(u32, Aabb)> = firsts.iter().map(|&i| boxes[i]).collect();
     let tree = BoxTree::new(&boxes);
+    let box_of = |i: usize| boxes[firsts.partition_point(|&first| first < i)].1;
     for (i, query) in &boxes {
         let mut near = Vec::new();
         tree.visit(|b| b.meets(query), |j| near.push(j));
@@ -80,20 +87,14 @@ fn overlaps_in(
         for j in near.into_iter().filter(|j| j > i) {
             let (i, j) = (*i as usize, j as usize);
             let [a, b] = [faces[i], faces[j]].map(|f| scene.face(f));
-            if a.surface == b.surface || !boxes[j].1.meets(query) {
+            if a.surface == b.surface || !box_of(j).meets(query) {
                 continue;
             }
             let areas = [a, b].map(|face| face.area);
             let both = [pieces[i].as_slice(), pieces[j].as_slice()];
             if let Some(area) = overlap_area(both, areas, scene.plane_tolerance()) {
                 let is_duplicate = same_corners(scene, faces[i], faces[j]);
-                let key = (a.surface.min(b.surface), a.surface.max(b.surface));
-                let entry = overlaps.entry(key).or_insert(Overlap {
-                    area: 0.0,
-                    is_duplicate: false,
-                });
-                entry.area += area;
-                entry.is_duplicate |= is_duplicate;
+                add(overlaps, [a.surface, b.surface], area, is_duplicate);
             }
         }
     }
@@ -121,14 +122,48 @@ pub(super) fn overlap_area(
     is_more.then_some(area)
 }
 
+/// The faces that are no copies of earlier ones, ascending; and the copies, each with the
+/// first that has its corners. So many copies in one place are as many findings, and not as
+/// many as there are pairs. Those that emit are apart, for two of them are an error.
+fn copies(scene: &Scene, faces: &[FaceId]) -> (Vec<usize>, Vec<[usize; 2]>) {
+    let mut first_with: BTreeMap<(Vec<VertexId>, bool), usize> = BTreeMap::new();
+    let (mut firsts, mut copies) = (Vec::new(), Vec::new());
+    for (j, &f) in faces.iter().enumerate() {
+        let key = (sorted_corners(scene, f), scene.material(f).is_emitter());
+        let i = *first_with.entry(key).or_insert(j);
+        if i == j || scene.face(faces[i]).surface == scene.face(f).surface {
+            firsts.push(j);
+        } else {
+            copies.push([i, j]);
+        }
+    }
+    (firsts, copies)
+}
+
+/// Adds what two surfaces have in common.
+fn add(
+    overlaps: &mut BTreeMap<(SurfaceId, SurfaceId), Overlap>,
+    [a, b]: [SurfaceId; 2],
+    area: f64,
+    is_duplicate: bool,
+) {
+    let entry = overlaps.entry((a.min(b), a.max(b))).or_insert(Overlap {
+        area: 0.0,
+        is_duplicate: false,
+    });
+    entry.area += area;
+    entry.is_duplicate |= is_duplicate;
+}
+
+fn sorted_corners(scene: &Scene, face: FaceId) -> Vec<VertexId> {
+    let mut ids: Vec<VertexId> = scene.face(face).loops().flatten().copied().collect();
+    ids.sort_unstable();
+    ids
+}
+
 /// Have both faces the same corners?
 fn same_corners(scene: &Scene, a: FaceId, b: FaceId) -> bool {
-    let corners = |f: FaceId| {
-        let mut ids: Vec<_> = scene.face(f).loops().flatten().copied().collect();
-        ids.sort_unstable();
-        ids
-    };
-    corners(a) == corners(b)
+    sorted_corners(scene, a) == sorted_corners(scene, b)
 }
 
 /// The area of the intersection of two convex outlines, both counter-clockwise.

@@ -10,7 +10,7 @@ use super::outline::{Polygon, width};
 use crate::scene::Scene;
 use antumbra_geom::{DVec3, Plane, coarse_order, newell_normal, settled};
 use std::cmp::Ordering;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// No corner moves farther than so many times what the worst surface at it deviates: what
 /// it stands on without being a corner of it stays in touch.
@@ -24,6 +24,9 @@ const THINNEST: f64 = 1e-3;
 /// if it holds the corners to so many times of that: coordinates of the file stay. So is
 /// that of a neighbour, for parts of one wall are to stay in one plane.
 const STRAIGHT: f64 = 4.0;
+
+/// So many fans are tried where a piece is split into triangles, the best of which is taken.
+const MOST_FANS: usize = 64;
 
 /// Moves corners of surfaces that are not plane to rounding onto their planes.
 ///
@@ -69,9 +72,11 @@ pub(super) fn onto_planes(
                 .corners()
                 .filter_map(|v| polygons_at.get(v))
                 .flatten();
+            let mut is_asked = BTreeSet::new();
             let shared = known
+                .filter(|&&k| is_asked.insert(k))
                 .map(|&k| (planes[k], tilted.max(deviations[k])))
-                .find(|(plane, most)| deviation(plane, polygon, vertices) <= STRAIGHT * most)
+                .find(|(plane, most)| holds(plane, polygon, vertices, STRAIGHT * most))
                 .map(|(plane, _)| plane);
             shared
                 .or_else(|| straight(&own, polygon, vertices, STRAIGHT * tilted))
@@ -190,6 +195,7 @@ fn triangles(polygon: &Polygon, vertices: &[DVec3], extent: f64) -> Vec<Polygon>
     };
     let best = |piece: &Vec<u32>| -> Vec<[u32; 3]> {
         (0..piece.len())
+            .step_by(piece.len().div_ceil(MOST_FANS))
             .map(|apex| fan(piece, apex))
             .max_by(|a, b| thinnest(a).total_cmp(&thinnest(b)))
             .unwrap_or_default()
@@ -254,6 +260,13 @@ fn deviation(plane: &Plane, polygon: &Polygon, vertices: &[DVec3]) -> f64 {
         .corners()
         .map(|&v| plane.distance(vertices[v as usize]).abs())
         .fold(0.0, f64::max)
+}
+
+/// Are all corners within a distance of a plane?
+fn holds(plane: &Plane, polygon: &Polygon, vertices: &[DVec3], most: f64) -> bool {
+    polygon
+        .corners()
+        .all(|&v| plane.distance(vertices[v as usize]).abs() <= most)
 }
 
 /// The plane perpendicular to an axis that holds all corners as well, if there is one.
