@@ -2,7 +2,7 @@
 
 use crate::light::ExactLight;
 use crate::pipeline::Control;
-use antumbra_scene::{FaceId, Scene, SurfaceId};
+use antumbra_scene::{FaceId, Piece, Scene, SurfaceId};
 use antumbra_solver::RadiositySolution;
 use antumbra_solver::cells::DirectMesh;
 use antumbra_visibility::{Evaluator, Scratch};
@@ -76,7 +76,8 @@ pub fn random_places(scene: &Scene, n: u32, is_wanted: &dyn Fn(FaceId) -> bool) 
     // Triangles of the convex pieces, with the areas up to them.
     let mut triangles: Vec<(f64, FaceId, [DVec3; 3])> = Vec::new();
     let mut area = 0.0;
-    for piece in scene.pieces.iter().filter(|p| is_wanted(p.face)) {
+    let is_wanted = |piece: &&Piece| piece.n_faces == 1 && is_wanted(piece.face);
+    for piece in scene.pieces.iter().filter(is_wanted) {
         let corners = scene.positions(&piece.vertices);
         for k in 1..corners.len().saturating_sub(1) {
             let [a, b, c] = [corners[0], corners[k], corners[k + 1]];

@@ -185,8 +185,19 @@ impl Scene {
         let first = self.pieces.len() as u32;
         self.pieces.extend(polygon.pieces.iter().map(|piece| Piece {
             face,
+            n_faces: 1,
+            hides: !is_back && !part.is_divided,
             vertices: turned(piece),
         }));
+        let end = self.pieces.len() as u32;
+        if let Some(hiding) = &part.hiding {
+            self.pieces.extend(hiding.pieces.iter().map(|piece| Piece {
+                face,
+                n_faces: hiding.n_parts,
+                hides: true,
+                vertices: turned(piece),
+            }));
+        }
         let along_plane = part.along != is_back;
         let normal = self.planes[part.plane.index()].normal;
         self.faces.push(Face {
@@ -202,7 +213,7 @@ impl Scene {
                 DVec3::ZERO - normal
             },
             along_plane,
-            pieces: first..self.pieces.len() as u32,
+            pieces: first..end,
             area: polygon.area,
         });
     }
@@ -211,7 +222,7 @@ impl Scene {
         self.pieces
             .iter()
             .enumerate()
-            .filter(|(_, piece)| !self.face(piece.face).is_back)
+            .filter(|(_, piece)| piece.hides)
             .map(|(i, piece)| {
                 (
                     i as u32,

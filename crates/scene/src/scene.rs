@@ -147,11 +147,16 @@ impl Face {
     }
 }
 
-/// A convex piece of a face.
+/// A convex piece of a face; or of a front before it was divided into covered and
+/// uncovered faces, which hides as the one it was.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Piece {
-    /// Whose it is.
+    /// Whose it is; the first of them, if the front was divided.
     pub face: FaceId,
+    /// How many faces, from that one on, the front was divided into; else 1.
+    pub n_faces: u32,
+    /// Is it in the tree? Pieces of backs are not, nor those of parts of a divided front.
+    pub hides: bool,
     /// Counter-clockwise seen from the face's front.
     pub vertices: Vec<VertexId>,
 }
@@ -187,13 +192,13 @@ pub struct Scene {
     pub vertices: Vec<DVec3>,
     /// Faces, grouped by surface.
     pub faces: Vec<Face>,
-    /// Convex pieces of all faces, grouped by face.
+    /// Convex pieces of all faces, grouped by face, and of fronts that were divided.
     pub pieces: Vec<Piece>,
     /// Edges, sorted by their ends.
     pub edges: Vec<Edge>,
     /// Plane classes; the point of each is a vertex.
     pub planes: Vec<Plane>,
-    /// Boxes of the pieces of all fronts; its items are indices into `pieces`.
+    /// Boxes of the pieces that hide, of all fronts; its items are indices into `pieces`.
     pub tree: BoxTree,
     /// Longest extent of the scene, scene units: in [1, 2).
     pub extent: f64,
@@ -249,6 +254,12 @@ impl Scene {
     #[must_use]
     pub fn surface_of(&self, face: FaceId) -> &Surface {
         &self.surfaces[self.face(face).surface.index()]
+    }
+
+    /// The faces that a piece is of: several if it is of a front that was divided.
+    pub fn faces_of(&self, piece: u32) -> impl Iterator<Item = FaceId> + use<> {
+        let piece = &self.pieces[piece as usize];
+        (piece.face.0..piece.face.0 + piece.n_faces).map(FaceId)
     }
 
     /// All faces by id.

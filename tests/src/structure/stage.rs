@@ -101,8 +101,7 @@ impl Stage {
         }
         for piece in &scene.pieces {
             let face = scene.face(piece.face);
-            // Backs are where their fronts are.
-            if !face.is_back && face.plane != lamp.plane {
+            if piece.hides && face.plane != lamp.plane {
                 builder.add(piece.face, &piece.vertices, false);
             }
         }

@@ -27,6 +27,18 @@ pub(super) struct Part {
     pub(super) along: bool,
     pub(super) is_back: bool,
     pub(super) is_covered: bool,
+    /// Is it one of several parts of its side?
+    pub(super) is_divided: bool,
+    /// With the first part of a front that was divided: the whole, which hides as one.
+    pub(super) hiding: Option<Hiding>,
+}
+
+/// A front that was divided.
+#[derive(Debug)]
+pub(super) struct Hiding {
+    pub(super) pieces: Vec<Vec<u32>>,
+    /// Into how many parts.
+    pub(super) n_parts: u32,
 }
 
 /// All polygons of a scene, with what is known of each.
@@ -126,12 +138,19 @@ impl Sheets<'_> {
             for is_back in whole.sides() {
                 let of_side = divided.remove(&Side { sheet, is_back });
                 let of_side = of_side.unwrap_or_else(|| vec![(whole.polygon.clone(), false)]);
+                let is_divided = of_side.len() > 1;
+                let mut hiding = (is_divided && !is_back).then(|| Hiding {
+                    pieces: whole.polygon.pieces.clone(),
+                    n_parts: of_side.len() as u32,
+                });
                 let of_side = of_side.into_iter().map(|(polygon, is_covered)| Part {
                     polygon,
                     plane: whole.plane,
                     along: whole.along,
                     is_back,
                     is_covered,
+                    is_divided,
+                    hiding: hiding.take(),
                 });
                 parts[whole.surface].extend(of_side);
             }

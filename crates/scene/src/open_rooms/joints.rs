@@ -278,12 +278,11 @@ impl<'a> Joints<'a> {
         self.scene.tree.visit(
             |candidate| candidate.meets_segment(a, b, self.tolerance),
             |piece| {
-                let f = self.scene.pieces[piece as usize].face;
-                let face = self.scene.face(f);
+                let face = self.scene.face(self.scene.pieces[piece as usize].face);
                 let plane = &self.scene.planes[face.plane.index()];
                 let is_off = |p: DVec3| plane.distance(p).abs() > self.tolerance;
                 if !is_off(a) && !is_off(b) {
-                    faces.push(f);
+                    faces.extend(self.scene.faces_of(piece));
                 }
             },
         );

@@ -211,7 +211,7 @@ impl Pair {
         let mut faces: Vec<FaceId> = self
             .occluders
             .iter()
-            .map(|&piece| scene.pieces[piece as usize].face)
+            .flat_map(|&piece| scene.faces_of(piece))
             .collect();
         faces.sort_unstable();
         faces.dedup();

@@ -19,7 +19,7 @@ impl Tracer<'_, '_> {
         let mut faces: Vec<FaceId> = Vec::new();
         self.scene.tree.visit(
             |b| b.meets(&near),
-            |piece| faces.push(self.scene.pieces[piece as usize].face),
+            |piece| faces.extend(self.scene.faces_of(piece)),
         );
         faces.sort_unstable();
         faces.dedup();

@@ -187,11 +187,12 @@ impl Tracer<'_, '_> {
         let ends = features[lower].ends;
         let hull = Hull::of_edge_and_outline(ends, &shaft.lamp_hull, self.tolerance);
         let mut edges: Vec<EdgeId> = Vec::new();
-        let mut add = |piece: u32| {
-            let piece = &self.scene.pieces[piece as usize];
+        let mut add = |id: u32| {
+            let piece = &self.scene.pieces[id as usize];
             let corners = piece.vertices.iter().map(|&v| self.scene.position(v));
             if hull.meets(corners) {
-                edges.extend(self.adjacency.edges_of(piece.face));
+                let faces = self.scene.faces_of(id);
+                edges.extend(faces.flat_map(|face| self.adjacency.edges_of(face)));
             }
         };
         if shaft.pieces.len() <= SHORT_LIST {

@@ -87,10 +87,7 @@ impl<'s> Shaft<'s> {
         pieces: Vec<u32>,
     ) -> Self {
         let lamp = scene.face(emitter);
-        let mut faces: Vec<FaceId> = pieces
-            .iter()
-            .map(|&p| scene.pieces[p as usize].face)
-            .collect();
+        let mut faces: Vec<FaceId> = pieces.iter().flat_map(|&p| scene.faces_of(p)).collect();
         faces.sort_unstable();
         faces.dedup();
         let mut edges: Vec<EdgeId> = faces

@@ -552,11 +552,9 @@ impl<'e, 's> Tracer<'e, 's> {
         for id in found {
             let piece = &self.scene.pieces[id as usize];
             let face = self.scene.face(piece.face);
-            if piece.face == self.receiver
-                || piece.face == shaft.emitter
-                || face.plane == self.face.plane
+            if face.plane == self.face.plane
                 || face.plane == shaft.lamp.plane
-                || own.contains(&piece.face)
+                || self.scene.faces_of(id).any(|face| own.contains(&face))
             {
                 continue;
             }

@@ -189,6 +189,8 @@ impl Division {
                 parts.push(self.part(&component, is_covered)?);
             }
         }
+        // Triangles come in an order that rounding may decide.
+        parts.sort_by(|a, b| (a.is_covered, &a.loops).cmp(&(b.is_covered, &b.loops)));
         Some(parts)
     }
 
@@ -210,9 +212,11 @@ impl Division {
             .into_iter()
             .map(|corners| self.without_passed(&corners, &uses))
             .filter(|corners| corners.len() > 2)
+            .map(from_its_smallest)
             .collect();
+        loops.sort_unstable();
         let outline = loops.iter().position(|corners| area(corners) > 0.0)?;
-        loops.swap(0, outline);
+        loops[..=outline].rotate_right(1);
         if loops[1..].iter().any(|corners| area(corners) > 0.0) {
             return None;
         }
@@ -294,6 +298,14 @@ impl Division {
             .map(|i| corners[i])
             .collect()
     }
+}
+
+/// A loop that begins with its smallest corner.
+fn from_its_smallest(mut corners: Vec<u32>) -> Vec<u32> {
+    let smallest = corners.iter().min().copied();
+    let start = corners.iter().position(|c| Some(*c) == smallest);
+    corners.rotate_left(start.unwrap_or(0));
+    corners
 }
 
 /// Cuts a loop where it passes a corner again.
