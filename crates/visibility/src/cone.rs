@@ -76,6 +76,9 @@ pub(crate) const RELATIVE_TOLERANCE: f64 = 16.0 * f64::EPSILON;
 /// * `normal` — its unit normal (counter-clockwise side).
 /// * `up` — the unit normal at the point.
 /// * `reach` — an upper bound of the distance of everything that will be cut.
+/// * `behind` — how far behind the point is seen what touches it, of the source that will be
+///   cut; 0 if it does not touch the point. The polygon's plane, if the point touches it,
+///   is as far behind: what stands on it is not beyond it.
 ///
 /// The first half-space is "beyond the polygon's plane"; the others are its
 /// edges. A polygon seen edge-on has an empty cone.
@@ -85,7 +88,7 @@ pub(crate) fn cone(
     normal: DVec3,
     (point, up): (DVec3, DVec3),
     approach: Option<&Approach>,
-    reach: f64,
+    (reach, behind): (f64, f64),
 ) -> usize {
     let first = corners[0] - point;
     let mut height = normal.dot(first);
@@ -93,7 +96,7 @@ pub(crate) fn cone(
     let mut sign = height.signum();
     let tolerance = RELATIVE_TOLERANCE * reach;
     if let Some(slope) = approach.and_then(|a| a.leaves(normal, up, height, edge_on)) {
-        height = 0.0;
+        height = slope * behind;
         sign = -slope.signum();
     } else if height.abs() <= edge_on {
         return 0;

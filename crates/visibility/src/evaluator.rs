@@ -594,6 +594,14 @@ impl<'s> Evaluator<'s> {
             .iter()
             .fold(0.0f64, |most, &c| most.max((c - point).length_squared()))
             .sqrt();
+        // What touches the point is seen in a direction, a place just behind it.
+        let is_here = |c: &DVec3| approach.is_some_and(|a| c.length() <= a.radius);
+        let is_touched = parts
+            .iter()
+            .any(|&part| scratch.fragments.corners(part).iter().any(is_here));
+        let behind = approach
+            .filter(|_| is_touched)
+            .map_or(0.0, |a| BEHIND * a.radius);
         let horizon = HalfSpace {
             normal: view.normal,
             offset: 0.0,
@@ -626,7 +634,7 @@ impl<'s> Evaluator<'s> {
                 occluder.normal,
                 (point, view.normal),
                 approach,
-                reach,
+                (reach, behind),
             );
             if n > 0 {
                 let height = occluder.normal.dot(corners[0] - point).abs();
@@ -663,19 +671,12 @@ impl<'s> Evaluator<'s> {
         }
         let everything: smallvec::SmallVec<[u32; 32]> = (0..scratch.cones.len() as u32).collect();
         let mut hidden = Hidden::new(view.normal);
-        // What touches the point is seen in a direction, a place just behind it: it is on a
-        // half-space to the same tolerance as others, and is that near.
-        let slack = approach.map_or(0.0, |a| {
-            let is_here = |c: &DVec3| c.length() <= a.radius;
-            let is_touched = lit
-                .iter()
-                .any(|&part| scratch.fragments.corners(part).iter().any(is_here));
-            if is_touched {
-                RELATIVE_TOLERANCE * reach / (BEHIND * a.radius)
-            } else {
-                0.0
-            }
-        });
+        // It is on a half-space to the same tolerance as others, and is that near.
+        let slack = if is_touched {
+            RELATIVE_TOLERANCE * reach / behind
+        } else {
+            0.0
+        };
         scratch.cuts_left = CUTS_PER_CANDIDATE * everything.len();
         for part in lit {
             visible_of(scratch, part, &everything, 0, &mut hidden);
