@@ -526,3 +526,62 @@ fn factors_are_continuous_as_a_cabinet_comes_to_stand() {
         }
     }
 }
+
+#[test]
+fn nodes_where_furniture_meets_walls_see_light_from_everywhere() {
+    for motion in [Motion::IDENTITY, Motion::skew()] {
+        for (name, input, _) in covered_scenes() {
+            let is_wanted = ["corner", "side by side", "niche", "table"];
+            if name.contains("of sheets") || !is_wanted.iter().any(|w| name.contains(w)) {
+                continue;
+            }
+            let scene = build(&motion.scene(&input));
+            let options = antumbra::Options {
+                tolerance: antumbra::Tolerance::Relative(1e-2),
+                ..antumbra::Options::default()
+            };
+            let meshed = antumbra::mesh(&scene, &options, &Control::default())
+                .unwrap_or_else(|e| panic!("{name}: {e}"));
+            for mesh in &meshed.direct.receivers {
+                let face = scene.face(mesh.face);
+                let expected = if face.is_covered { 0.0 } else { EXITANCE };
+                let surface = &scene.surface_of(mesh.face).name;
+                for (uv, value) in mesh.nodes.iter().zip(&mesh.direct) {
+                    let p = motion
+                        .inverse()
+                        .point(scene.frame.to_file(mesh.chart.to_space(*uv)));
+                    assert!(
+                        (value - expected).abs() < 1e-9,
+                        "{name}: {value} at the node {p} of '{surface}'"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn furnace_rooms_are_even_after_all_bounces() {
+    for (name, input, _) in covered_scenes() {
+        if !["cabinet in a corner", "boxes side by side"].contains(&name) {
+            continue;
+        }
+        let scene = build(&input);
+        let evaluator = Evaluator::new(&scene);
+        let light = ExactLight::new(&evaluator);
+        let options = antumbra::Options::default();
+        let solved = antumbra::solve(&scene, &options, &Control::default())
+            .unwrap_or_else(|e| panic!("{name}: {e}"));
+        let places = values::random_places(&scene, 200, &|f| !scene.face(f).is_covered);
+        let found = values::solved(&light, &evaluator, &solved.radiosity, &places);
+        for (place, value) in places.iter().zip(found) {
+            // E = M / (1 − ρ).
+            assert!(
+                (value[0] - 1.0).abs() < 1e-6,
+                "{name}: {} at {}",
+                value[0],
+                place.point
+            );
+        }
+    }
+}

@@ -122,15 +122,13 @@ impl Sheets<'_> {
         let pairs = self.covering_pairs();
         let mut undivided = Vec::new();
         let mut divided: BTreeMap<Side, Vec<(Polygon, bool)>> = BTreeMap::new();
-        for cluster in clusters(&pairs) {
-            match self.divide(&cluster, &pairs) {
+        for pairs in clusters(&pairs) {
+            match self.divide(&pairs) {
                 Some(parts) => divided.extend(parts),
-                None => undivided.extend(
-                    pairs
-                        .iter()
-                        .filter(|[a, _]| cluster.binary_search(&a.sheet).is_ok())
-                        .map(|pair| pair.map(|side| self.list[side.sheet].surface)),
-                ),
+                None => undivided.extend(pairs.iter().map(|pair| {
+                    let surface = |side: Side| self.list[side.sheet].surface;
+                    pair.map(surface)
+                })),
             }
         }
         let mut parts: Vec<Vec<Part>> = (0..n_surfaces).map(|_| Vec::new()).collect();
@@ -389,19 +387,15 @@ impl Sheets<'_> {
         patches
     }
 
-    /// The parts of all sides of a cluster that something covers.
-    fn divide(
-        &mut self,
-        cluster: &[usize],
-        pairs: &[[Side; 2]],
-    ) -> Option<BTreeMap<Side, Vec<(Polygon, bool)>>> {
+    /// The parts of all sides that some pairs connect.
+    fn divide(&mut self, pairs: &[[Side; 2]]) -> Option<BTreeMap<Side, Vec<(Polygon, bool)>>> {
         let mut partners: BTreeMap<Side, Vec<usize>> = BTreeMap::new();
         for &[a, b] in pairs {
-            if cluster.binary_search(&a.sheet).is_ok() {
-                partners.entry(a).or_default().push(b.sheet);
-                partners.entry(b).or_default().push(a.sheet);
-            }
+            partners.entry(a).or_default().push(b.sheet);
+            partners.entry(b).or_default().push(a.sheet);
         }
+        let mut cluster: Vec<usize> = partners.keys().map(|side| side.sheet).collect();
+        cluster.dedup();
         let chart = self.chart(self.list[*cluster.first()?].plane);
         let loops: Vec<Vec<Vec<u32>>> = cluster
             .iter()
@@ -499,8 +493,8 @@ struct Patches {
     of: BTreeMap<Side, usize>,
 }
 
-/// Sheets that are connected by pairs: sets, ascending.
-fn clusters(pairs: &[[Side; 2]]) -> Vec<Vec<usize>> {
+/// The pairs by what they connect.
+fn clusters(pairs: &[[Side; 2]]) -> Vec<Vec<[Side; 2]>> {
     let mut sheets: Vec<usize> = pairs.iter().flatten().map(|side| side.sheet).collect();
     sheets.sort_unstable();
     sheets.dedup();
@@ -509,9 +503,10 @@ fn clusters(pairs: &[[Side; 2]]) -> Vec<Vec<usize>> {
     for &[a, b] in pairs {
         sets.join(place(a), place(b));
     }
-    let mut clusters: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for (i, &sheet) in sheets.iter().enumerate() {
-        clusters.entry(sets.first_of(i)).or_default().push(sheet);
+    let mut clusters: BTreeMap<usize, Vec<[Side; 2]>> = BTreeMap::new();
+    for &pair in pairs {
+        let cluster = sets.first_of(place(pair[0]));
+        clusters.entry(cluster).or_default().push(pair);
     }
     clusters.into_values().collect()
 }

@@ -8,7 +8,7 @@ use crate::bvh::{Aabb, BoxTree};
 use antumbra_geom::{
     Chart, DVec2, DVec3, cdt, convex_pieces, point_in_polygon, segments_cross, signed_area,
 };
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A connected part of a polygon, covered or not.
 pub(super) struct Found {
@@ -177,12 +177,11 @@ impl Division {
     ///
     /// * `partners` — the polygons that cover it.
     pub(super) fn parts(&self, polygon: usize, partners: &[usize]) -> Option<Vec<Found>> {
-        let is_under = |t: &u32| {
-            let has = |&p: &usize| self.triangles_of[p].binary_search(t).is_ok();
-            partners.iter().any(has)
-        };
-        let (covered, open): (Vec<u32>, Vec<u32>) =
-            self.triangles_of[polygon].iter().partition(|t| is_under(t));
+        let under = partners.iter().flat_map(|&p| &self.triangles_of[p]);
+        let under: BTreeSet<u32> = under.copied().collect();
+        let (covered, open): (Vec<u32>, Vec<u32>) = self.triangles_of[polygon]
+            .iter()
+            .partition(|t| under.contains(t));
         let mut parts = Vec::new();
         for (triangles, is_covered) in [(open, false), (covered, true)] {
             for component in self.connected(&triangles, |_| true) {
