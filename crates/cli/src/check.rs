@@ -5,7 +5,7 @@ use crate::args::Check;
 use crate::failure::Failure;
 use crate::input;
 use crate::say::say;
-use antumbra::{Problem, Scene, Severity};
+use antumbra::{Problem, Scene, Severity, thin_surfaces};
 use serde_json::{Value, json};
 
 pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
@@ -17,6 +17,7 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
             let report = built.scene.report();
             let open_rooms = built.scene.open_rooms();
             let mut warnings = built.warnings;
+            warnings.extend(thin_surfaces(&built.scene));
             warnings.extend(open_rooms.iter().map(|room| room.problem(&built.scene)));
             warnings.extend(input.corner_gaps().map(|mut gaps| {
                 gaps.message.push_str(" (--weld)");

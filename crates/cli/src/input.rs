@@ -3,7 +3,7 @@
 use crate::args::{Color, Common};
 use crate::failure::Failure;
 use antumbra::scene::LengthUnit;
-use antumbra::{Problem, Scene, Severity, io};
+use antumbra::{Problem, Scene, Severity, io, thin_surfaces};
 use std::io::IsTerminal as _;
 use std::path::Path;
 
@@ -119,17 +119,19 @@ pub(crate) fn load(common: &Common) -> Result<Loaded, Failure> {
     let notes = input.notes.clone();
     match Scene::build(&input) {
         Ok(built) => {
+            let mut warnings = built.warnings;
+            warnings.extend(thin_surfaces(&built.scene));
             if !common.quiet {
                 for note in &notes {
                     eprintln!("{}: {note}", label("note", common));
                 }
-                for warning in &built.warnings {
+                for warning in &warnings {
                     eprintln!("{}: {}", label("warning", common), warning.message);
                 }
             }
             Ok(Loaded {
                 scene: built.scene,
-                warnings: built.warnings,
+                warnings,
                 notes,
             })
         }

@@ -81,6 +81,12 @@ pub struct Receiver {
     /// Places under emitters so near that their light falls on little more than
     /// themselves: the error is measured there too, whatever the elements' size.
     pub hot_spots: Vec<DVec2>,
+    /// The area of the face that its arrangement does not hold, being thinner than a few
+    /// pixels: it counts as unresolved.
+    pub folded_area: f64,
+    /// Is nothing left of it in the arrangement? Then the mesh is one of its corners alone:
+    /// it is not refined, and all of its elements count as unresolved.
+    pub is_thin: bool,
 }
 
 /// A straight piece of a curve that waits until an element needs it.
@@ -142,6 +148,10 @@ pub struct ReceiverMesh {
     pub unresolved: Vec<u32>,
     /// Elements whose error is above the tolerance, the unresolved ones among them.
     pub n_above: usize,
+    /// The area that is in no element or in unresolved ones because the receiver is
+    /// thinner there than a few pixels of its arrangement.
+    pub folded_area: f64,
+    is_thin: bool,
     n_bands: usize,
     locator: Locator,
 }
@@ -158,6 +168,25 @@ impl ReceiverMesh {
     pub fn nodes_of(&self, element: usize) -> &[u32] {
         let n = n_nodes(self.degree);
         &self.element_nodes[element * n..(element + 1) * n]
+    }
+
+    /// The area of unresolved elements, and that which is in no element.
+    #[must_use]
+    pub fn unresolved_area(&self) -> f64 {
+        if self.is_thin {
+            return self.folded_area;
+        }
+        let areas = self.unresolved.iter().map(|&t| self.mesh.area(t));
+        areas.sum::<f64>() + self.folded_area
+    }
+
+    /// The area of the receiver: of all elements, and what is in none.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        if self.is_thin {
+            return self.folded_area;
+        }
+        self.mesh.total_area() + self.folded_area
     }
 
     /// Largest measured error, relative to the peak; unresolved elements apart.
@@ -343,6 +372,8 @@ pub(crate) struct Field {
     singular: Vec<DVec2>,
     postponed: Vec<Postponed>,
     hot_spots: Vec<DVec2>,
+    folded_area: f64,
+    is_thin: bool,
     /// The postponed curves that run through each element.
     crossing: Vec<Vec<u32>>,
     knows_all_curves: bool,
@@ -447,6 +478,8 @@ impl Field {
             singular,
             postponed: receiver.postponed,
             hot_spots: receiver.hot_spots,
+            folded_area: receiver.folded_area,
+            is_thin: receiver.is_thin,
             crossing,
             knows_all_curves: receiver.knows_all_curves,
             is_dark: !light.reaches(receiver.face),
@@ -495,6 +528,9 @@ impl Field {
     /// Bisects until no element is longer than this fraction of the receiver, or until it
     /// is stopped.
     pub(crate) fn coarsest(&mut self, fraction: f64, stop: Stop<'_>) {
+        if self.is_thin {
+            return;
+        }
         for _ in 0..64 {
             if stop.is_wanted() {
                 return;
@@ -514,6 +550,11 @@ impl Field {
     /// for the time that is left.
     pub(crate) fn fall_back(&mut self) {
         self.sides = OneSided::new(&self.border, &[], self.contact_radius);
+        self.progress = Progress::BorderOnly;
+        if self.is_thin {
+            // It is made of nothing else.
+            return;
+        }
         let curves: Vec<TaggedCurve> = std::mem::take(&mut self.border)
             .into_iter()
             .map(|points| TaggedCurve {
@@ -528,7 +569,6 @@ impl Field {
             // does, no element is better than an end without a result.
             Err(_) => self.clear(),
         }
-        self.progress = Progress::BorderOnly;
     }
 
     /// Leaves no elements.
@@ -953,6 +993,9 @@ impl Field {
 
     /// Is an element so small, or so thin, that it cannot be expected to get better?
     pub(crate) fn is_at_resolution(&self, t: usize, allowed: &[f64]) -> bool {
+        if self.is_thin {
+            return true;
+        }
         let is_too_short = |split: Split| {
             let corners = self.mesh.corners(t as u32);
             let length = corners[split.edge].distance(corners[(split.edge + 1) % 3]);
@@ -1423,6 +1466,7 @@ impl Field {
                 }
                 is_above |= e > allowed[band];
             }
+            is_above |= self.is_thin;
             element_errors.push(error);
             n_above += usize::from(is_above);
             if is_above && self.is_at_resolution(t, allowed) {
@@ -1445,6 +1489,8 @@ impl Field {
             exact_evaluations: self.n_evaluations,
             unresolved,
             n_above,
+            folded_area: self.folded_area,
+            is_thin: self.is_thin,
             n_bands: self.n_bands,
         }
     }
