@@ -151,7 +151,8 @@ pub struct ReceiverMesh {
     /// The area that is in no element or in unresolved ones because the receiver is
     /// thinner there than a few pixels of its arrangement.
     pub folded_area: f64,
-    is_thin: bool,
+    /// Is all of it as thin? Then all elements are unresolved.
+    pub is_thin: bool,
     n_bands: usize,
     locator: Locator,
 }
