@@ -1,5 +1,7 @@
 //! A receiver's mesh with exact values at its nodes, while it grows and when it is done.
 
+mod bends;
+pub(crate) mod confirm;
 pub(crate) mod posterior;
 mod sides;
 
@@ -9,6 +11,8 @@ use antumbra_mesh::{
     ArrangementOptions, Cut, Locator, Order, Origins, Split, TaggedCurve, TriMesh, arrange,
 };
 use antumbra_scene::FaceId;
+use bends::VERIFIED;
+use confirm::Look;
 use glam::{DVec2, DVec3};
 use sides::{NodeSide, OneSided, singular_points};
 use smallvec::SmallVec;
@@ -397,6 +401,7 @@ pub(crate) struct Field {
     pub(crate) is_singular: Vec<bool>,
     /// Was the error measured at the second points too?
     is_verified: Vec<bool>,
+    looks: Vec<Look>,
     history: Vec<History>,
     pub(crate) peak: Vec<f64>,
     pub(crate) n_evaluations: u64,
@@ -441,6 +446,7 @@ pub(crate) struct Snapshot {
     edges: Vec<[EdgeError; 3]>,
     is_singular: Vec<bool>,
     is_verified: Vec<bool>,
+    looks: Vec<Look>,
     history: Vec<History>,
 }
 
@@ -500,6 +506,7 @@ impl Field {
             edges: vec![[EdgeError::default(); 3]; n_triangles],
             is_singular: vec![false; n_triangles],
             is_verified: vec![false; n_triangles],
+            looks: vec![Look::Wanted; n_triangles],
             history: vec![
                 History {
                     before: f64::INFINITY,
@@ -594,6 +601,7 @@ impl Field {
         self.edges = vec![[EdgeError::default(); 3]; n_triangles];
         self.is_singular = vec![false; n_triangles];
         self.is_verified = vec![false; n_triangles];
+        self.looks = vec![Look::Wanted; n_triangles];
     }
 
     pub(crate) fn snapshot(&self) -> Snapshot {
@@ -605,6 +613,7 @@ impl Field {
             edges: self.edges.clone(),
             is_singular: self.is_singular.clone(),
             is_verified: self.is_verified.clone(),
+            looks: self.looks.clone(),
             history: self.history.clone(),
         }
     }
@@ -619,6 +628,7 @@ impl Field {
         self.edges = before.edges;
         self.is_singular = before.is_singular;
         self.is_verified = before.is_verified;
+        self.looks = before.looks;
         self.history = before.history;
     }
 
@@ -735,28 +745,13 @@ impl Field {
             points.extend(spots);
             return points;
         }
-        let kinks = self.kinks_above(CALM_KINK, t, allowed);
         let mut points = SmallVec::from_slice(INNER_POINTS[usize::from(self.degree) - 1]);
         points.extend(spots);
         if exceeds(self.longest_edge(t), LARGE * self.size) {
             points.extend(SECOND_POINTS);
         }
-        for (i, &(_, c)) in kinks.iter().take(3).enumerate() {
-            // The strongest at two places: an element may be wide at one end only.
-            let places: &[f64] = if i == 0 { &[0.25, 0.75] } else { &[0.5] };
-            points.extend(places.iter().filter_map(|&at| self.place_on(t, c, at)));
-        }
+        points.extend(self.bent_places(t, VERIFIED, allowed));
         points
-    }
-
-    /// The place at this share of a postponed curve's part in an element.
-    fn place_on(&self, t: usize, curve: u32, share: f64) -> Option<[f64; 3]> {
-        let corners = self.mesh.corners(t as u32);
-        let ends = self.postponed[curve as usize].ends;
-        let (from, to) = part_inside(corners, ends)?;
-        let place = ends[0] + (ends[1] - ends[0]) * (from + (to - from) * share);
-        let at = barycentric(corners, place);
-        at.iter().all(|x| (0.0..=1.0).contains(x)).then_some(at)
     }
 
     /// Measures the error of every element once more, at other points. Returns whether
@@ -1187,6 +1182,8 @@ impl Field {
     fn safety(&self, t: usize, allowed: &[f64]) -> f64 {
         if !self.knows_all_curves {
             SAFETY
+        } else if self.looks[t] == Look::Done {
+            confirm::SAFETY
         } else if self.worst_kink(t, allowed) < CALM_KINK {
             CALM_SAFETY
         } else {
@@ -1360,6 +1357,7 @@ impl Field {
         self.edges.resize(n, [EdgeError::default(); 3]);
         self.is_singular.resize(n, false);
         self.is_verified.resize(n, false);
+        self.looks.resize(n, Look::Wanted);
         let changed: Vec<usize> = (0..n)
             .filter(|&t| before.get(t) != Some(&self.mesh.triangles[t]))
             .collect();
@@ -1411,6 +1409,7 @@ impl Field {
         for ((t, list), history) in changed.into_iter().zip(lists).zip(history) {
             self.history[t] = history;
             self.is_verified[t] = false;
+            self.looks[t] = Look::Wanted;
             self.element_nodes[t] = [u32::MAX; MOST_NODES];
             self.crossing[t] = list;
         }
