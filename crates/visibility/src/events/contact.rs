@@ -147,3 +147,19 @@ impl Tracer<'_, '_> {
         self.inside_receiver(trace)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_part_of_an_edge_that_is_near_touches() {
+        let r = 1.0;
+        assert_eq!(part_within([0.5, -0.9], r), Some([0.0, 1.0]));
+        assert_eq!(part_within([0.0, 4.0], r), Some([0.0, 0.25]));
+        assert_eq!(part_within([4.0, 0.0], r), Some([0.75, 1.0]));
+        assert_eq!(part_within([-3.0, 5.0], r), Some([0.25, 0.5]));
+        assert_eq!(part_within([2.0, 3.0], r), None);
+        assert_eq!(part_within([-2.0, -3.0], r), None);
+    }
+}
