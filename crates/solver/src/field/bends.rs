@@ -7,6 +7,7 @@
 
 use super::{Field, Order, part_inside};
 use crate::basis::{lattice, values};
+use antumbra_geom::coarse_order;
 use glam::DVec2;
 use smallvec::SmallVec;
 
@@ -61,7 +62,9 @@ impl Field {
             return places;
         }
         let mut candidates = self.bent_candidates(t, &bends);
-        candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
+        // Up to rounding, so that images of a mesh are looked at alike.
+        let most = candidates.iter().map(|c| c.0).fold(0.0, f64::max);
+        candidates.sort_by_key(|c| std::cmp::Reverse(coarse_order(c.0, most.max(LEAST))));
         for (cost, at) in candidates {
             if cost < LEAST {
                 break;

@@ -8,7 +8,7 @@
 
 use super::bends::VERIFIED;
 use super::{Field, Light, SHORTEST};
-use antumbra_geom::{Stop, distance_to_segment};
+use antumbra_geom::{Stop, distance_to_segment, exceeds};
 use smallvec::SmallVec;
 
 /// What the last look may take, relative to all evaluations so far.
@@ -84,22 +84,21 @@ impl Field {
         if self.is_dark || !self.knows_all_curves {
             return true;
         }
-        let n = self.mesh.triangles.len();
-        let mut looks = vec![Look::Done; n];
+        let mut looks = self.looks.clone();
         let (mut samples, mut places) = (Vec::new(), Vec::new());
-        // What is left of a place goes to the next element.
-        let mut rest = 0.5;
-        for t in 0..n {
-            if self.looks[t] != Look::Wanted {
-                looks[t] = self.looks[t];
-                continue;
-            }
-            rest += density * self.look_weight(t, allowed);
-            let wanted = (rest as usize).min(MOST);
-            rest = rest.fract();
-            if wanted == 0 {
-                looks[t] = Look::PassedOver;
-            }
+        for (t, look) in looks
+            .iter_mut()
+            .enumerate()
+            .filter(|l| *l.1 == Look::Wanted)
+        {
+            // Each on its own, so that rounding in one does not move those of others.
+            let [dither, _] = evenly(t as u64);
+            let wanted = density * self.look_weight(t, allowed) + dither;
+            let wanted = (wanted as usize).min(MOST);
+            *look = match wanted {
+                0 => Look::PassedOver,
+                _ => Look::Done,
+            };
             for at in self.look_places(t, wanted, allowed) {
                 samples.push(self.sample_at(t, at));
                 places.push((t, at));
@@ -129,7 +128,10 @@ impl Field {
                 .into_iter()
                 .filter(|&e| is_line(e).is_some());
             let passes = self.crossing[t].iter().filter(|&&c| {
-                distance_to_segment(self.postponed[c as usize].ends, corners[k]) < near
+                exceeds(
+                    near,
+                    distance_to_segment(self.postponed[c as usize].ends, corners[k]),
+                )
             });
             lines.count() + passes.count()
         };
