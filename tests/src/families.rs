@@ -17,7 +17,7 @@ pub fn family_scene(number: u64) -> (&'static str, SceneInput) {
     let family = (number % 5) as usize;
     let scene = match family {
         0 => soup(&mut random),
-        1 => turned(furnished(&mut random), &mut random),
+        1 => turned(&furnished(&mut random), &mut random),
         2 => on_edges(&mut random),
         3 => piercing(&mut random),
         _ => dirty(&mut random),
@@ -104,12 +104,12 @@ fn furnished(random: &mut SplitMix) -> SceneInput {
     scene
 }
 
-fn turned(scene: SceneInput, random: &mut SplitMix) -> SceneInput {
+fn turned(scene: &SceneInput, random: &mut SplitMix) -> SceneInput {
     let motion = Motion {
         rotation: random.rotation(),
         ..Motion::IDENTITY
     };
-    motion.scene(&scene)
+    motion.scene(scene)
 }
 
 /// Boxes that stand on an edge or a corner, and plates that lean.
@@ -171,7 +171,7 @@ fn piercing(random: &mut SplitMix) -> SceneInput {
 /// their own.
 fn dirty(random: &mut SplitMix) -> SceneInput {
     let clean = furnished(random);
-    let mut scene = turned(clean, random);
+    let mut scene = turned(&clean, random);
     let dirt = 10f64.powi(-6 - (random.bits() % 7) as i32);
     for p in scene
         .surfaces
