@@ -24,12 +24,12 @@ fn scene(name: &str, material: &str, corners: &[[f64; 3]]) -> std::path::PathBuf
         ],
     });
     let path = folder("thin").join(name);
-    std::fs::write(&path, text.to_string()).unwrap();
+    std::fs::write(&path, text.to_string()).expect("a folder that can be written");
     path
 }
 
 fn warning_of(report: &Value, key: &str) -> String {
-    let warnings = report[key].as_array().unwrap();
+    let warnings = report[key].as_array().expect("a list of warnings");
     let texts = warnings.iter().map(|w| match &w["message"] {
         Value::String(text) => text.clone(),
         _ => w.as_str().unwrap_or_default().to_owned(),
