@@ -12,7 +12,8 @@ use rayon::prelude::*;
 pub struct Comparison {
     /// Points looked at, as many on each receiver.
     pub n_points: usize,
-    /// Those that err more than the tolerance, or lie in no element.
+    /// Those that err more than the tolerance, or lie in no element; receivers too thin for
+    /// elements that are resolved are not looked at.
     pub n_above: usize,
     /// Those in elements that the mesh itself says are unresolved; their errors do not
     /// count.
@@ -64,7 +65,7 @@ pub fn compare(
     let light = ExactLight::new(&evaluator);
     let receivers = &meshed.direct.receivers;
     let per_receiver = n_points.div_ceil(receivers.len());
-    for mesh in receivers {
+    for mesh in receivers.iter().filter(|m| !is_thin(m)) {
         found.n_elements += mesh.n_elements();
         let points = random_points(mesh, per_receiver);
         let errors = errors_at(mesh, &light, &meshed.direct.peak, &points);
@@ -104,6 +105,14 @@ pub fn compare(
         ));
     }
     found
+}
+
+/// Is a receiver thinner than the smallest elements that are resolved, 2⁻²² of its length?
+/// All of its elements count as unresolved, and promise nothing.
+fn is_thin(mesh: &ReceiverMesh) -> bool {
+    let [min, max] = antumbra::geom::bounding_box(mesh.mesh.vertices.iter().copied());
+    let length = (max - min).length();
+    mesh.is_thin || mesh.area() < length * length / f64::from(1 << 22)
 }
 
 /// What is wrong with a mesh whatever the exact light is.

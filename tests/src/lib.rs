@@ -3,6 +3,8 @@
 pub mod bits;
 pub mod cases;
 pub mod check_points;
+pub mod families;
+pub mod kept;
 pub mod lattice;
 pub mod motion;
 pub mod oracle;

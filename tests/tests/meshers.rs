@@ -354,6 +354,7 @@ fn polygon_mesh(
     degree: u8,
 ) -> CellSolution {
     let receiver = CellReceiver {
+        is_thin: false,
         face: FaceId(0),
         chart: Chart {
             origin: DVec3::ZERO,

@@ -38,6 +38,7 @@ mod pipeline;
 mod plan;
 pub mod reduce;
 mod study;
+mod thin;
 pub mod values;
 
 pub use antumbra_geom as geom;
@@ -66,3 +67,4 @@ pub use pipeline::{
 };
 pub use plan::{Decision, Effect, Expected, Plan, Quantity};
 pub use study::{Meter, Sampled, StudyOptions, quality, study};
+pub use thin::thin_surfaces;

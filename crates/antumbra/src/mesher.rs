@@ -5,8 +5,8 @@ use crate::pipeline::{
     Control, Error, Options, Phase, Solved, contact_radius, hot_spots, solve_on,
 };
 use antumbra_geom::{Chart, Stop, bounding_box, distance_to_segment, distance_to_segment_in_space};
-use antumbra_mesh::MeshError;
 use antumbra_mesh::cells::{CellForest, CellShape, Rule, graded, uniform};
+use antumbra_mesh::{MeshError, cells_of_corners};
 use antumbra_scene::{FaceId, Scene};
 use antumbra_solver::cells::{
     CellDirectOptions, CellEnded, CellGoal, CellMeshes, CellReceiver, CellRefinement, CellSolution,
@@ -522,12 +522,21 @@ fn receivers(
                 options,
                 control.stop(),
             );
+            let is_thin = matches!(forest, Err(MeshError::NoArea { .. }));
+            let forest = match forest {
+                Err(MeshError::NoArea { .. }) => {
+                    let border = scene.loops_in_chart(face, &chart);
+                    Ok(CellForest::new(cells_of_corners(&border), options.rule()))
+                }
+                other => other,
+            };
             Ok(CellReceiver {
                 face,
                 forest: forest.map_err(|error| Error {
                     surface: scene.surface_of(face).name.clone(),
                     error,
                 })?,
+                is_thin,
                 contact_radius: contact_radius(scene, face),
                 hot_spots: hot_spots(scene, face, &chart),
                 chart,

@@ -3,6 +3,7 @@
 use crate::demand::{Candidate, Choice, worth_a_line};
 use crate::light::ExactLight;
 use crate::plan::{Plan, Quantity};
+use crate::thin::Thin;
 use antumbra_geom::{Chart, Stop, bounding_box};
 use antumbra_mesh::{ArrangementOptions, MeshError, Order, TaggedCurve, TriMesh, arrange_until};
 use antumbra_scene::{Aabb, FaceId, Scene};
@@ -805,19 +806,38 @@ fn prepare(
             curves.push(TaggedCurve { points, order });
         }
     }
-    let arrangement = arrange_until(&curves, &ArrangementOptions::default(), limits.stop);
+    let mut thin = Thin::of(scene, face);
+    let arrangement = match thin.is_all {
+        true => None,
+        false => arrange_until(&curves, &ArrangementOptions::default(), limits.stop),
+    };
     let fits = |vertices: usize| {
         vertices < LARGE_MESH || (limits.has_room)(vertices as u64 * BYTES_PER_VERTEX)
     };
     let arrangement = arrangement.filter(|a| !scouted.is_stopped && fits(a.vertices.len()));
-    let mesh = match arrangement {
-        Some(arrangement) => TriMesh::new(&arrangement, &curves).map_err(|error| Error {
-            surface: scene.surface_of(face).name.clone(),
-            error,
-        })?,
+    let mesh = match arrangement.map(|a| TriMesh::new(&a, &curves)) {
+        Some(Err(MeshError::NoArea { .. })) => {
+            thin = Thin::all(scene, face);
+            None
+        }
+        Some(Err(error)) => {
+            let surface = scene.surface_of(face).name.clone();
+            return Err(Error { surface, error });
+        }
+        Some(Ok(mesh)) => Some(mesh),
+        None => None,
+    };
+    let mesh = match mesh {
+        Some(mesh) => mesh,
+        None if thin.is_all => {
+            postponed.clear();
+            TriMesh::of_corners(&scene.loops_in_chart(face, &chart))
+        }
         None => TriMesh::empty(),
     };
     let receiver = Receiver {
+        folded_area: thin.area,
+        is_thin: thin.is_all,
         hot_spots: hot_spots(scene, face, &chart),
         face,
         chart,
@@ -828,7 +848,7 @@ fn prepare(
         contact_radius: contact_radius(scene, face),
         touched: touched_points(scene, face, &chart),
         postponed,
-        knows_all_curves: knows_all_curves && !scouted.is_stopped,
+        knows_all_curves: knows_all_curves && !scouted.is_stopped && !thin.is_all,
     };
     Ok(Prepared {
         receiver,

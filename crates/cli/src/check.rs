@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::input;
 use crate::report::covered;
 use crate::say::say;
-use antumbra::{Problem, Scene, Severity};
+use antumbra::{Problem, Scene, Severity, thin_surfaces};
 use serde_json::{Value, json};
 
 pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
@@ -17,6 +17,7 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
         Ok(built) => {
             let report = built.scene.report();
             let mut warnings = built.warnings;
+            warnings.extend(thin_surfaces(&built.scene));
             warnings.extend(input::doubts(&built.scene, &input));
             if common.json {
                 let document = json!({

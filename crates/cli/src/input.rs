@@ -3,7 +3,7 @@
 use crate::args::{Color, Common};
 use crate::failure::Failure;
 use antumbra::scene::LengthUnit;
-use antumbra::{Problem, Scene, Severity, io};
+use antumbra::{Problem, Scene, Severity, io, thin_surfaces};
 use std::io::IsTerminal as _;
 use std::path::Path;
 
@@ -177,24 +177,26 @@ pub(crate) fn load_for(common: &Common, purpose: Purpose) -> Result<Loaded, Fail
     let input = read(common)?;
     let notes = input.notes.clone();
     match Scene::build(&input) {
-        Ok(mut built) => {
+        Ok(built) => {
+            let mut warnings = built.warnings;
+            warnings.extend(thin_surfaces(&built.scene));
             if purpose != Purpose::Direct {
-                built.warnings.extend(doubts(&built.scene, &input));
+                warnings.extend(doubts(&built.scene, &input));
             }
             if purpose == Purpose::Factors {
-                built.warnings.retain(|w| w.kind != "no-emitter");
+                warnings.retain(|w| w.kind != "no-emitter");
             }
             if !common.quiet {
                 for note in &notes {
                     eprintln!("{}: {note}", label("note", common));
                 }
-                for warning in &built.warnings {
+                for warning in &warnings {
                     eprintln!("{}: {}", label("warning", common), warning.message);
                 }
             }
             Ok(Loaded {
                 scene: built.scene,
-                warnings: built.warnings,
+                warnings,
                 notes,
             })
         }

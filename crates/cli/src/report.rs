@@ -269,10 +269,12 @@ pub(crate) fn bands(values: &[f64]) -> Value {
 }
 
 fn unresolved_area(meshes: &DirectSolution) -> f64 {
-    unresolved_share(meshes.receivers.iter().map(|receiver| {
-        let areas = receiver.unresolved.iter().map(|&t| receiver.mesh.area(t));
-        [areas.sum(), receiver.mesh.total_area()]
-    }))
+    unresolved_share(
+        meshes
+            .receivers
+            .iter()
+            .map(|receiver| [receiver.unresolved_area(), receiver.area()]),
+    )
 }
 
 /// The share of the area whose elements are unresolved; of every receiver theirs, and all.

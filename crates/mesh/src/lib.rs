@@ -19,6 +19,7 @@ mod locate;
 mod nodes;
 mod sets;
 mod snap;
+mod thin;
 mod trimesh;
 
 pub use arrange::{
@@ -30,4 +31,5 @@ pub use cut::{Cut, Origins};
 pub use grid::Grid;
 pub use locate::Locator;
 pub use sets::{CurveSets, SetId};
+pub use thin::{Folded, cells_of_corners, folded};
 pub use trimesh::{MeshError, TriMesh, shape_quality};

@@ -34,9 +34,9 @@ pub struct TriMesh {
     pub(crate) neighbours: Vec<[Option<u32>; 3]>,
     /// The curves of each edge that has some, by ascending ends. For lookup only.
     pub(crate) edges: HashMap<[u32; 2], SetId>,
-    sets: CurveSets,
+    pub(crate) sets: CurveSets,
     /// The strongest order of each set.
-    orders: Vec<Order>,
+    pub(crate) orders: Vec<Order>,
     /// The side of a pixel of the arrangement: how exact positions are.
     pub(crate) pixel: f64,
 }

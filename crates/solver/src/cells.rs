@@ -36,6 +36,9 @@ pub struct CellReceiver {
     pub chart: Chart,
     /// Its cells, and how they may be refined. [`Rule::Plain`] leaves cracks.
     pub forest: CellForest,
+    /// Is it thinner than a few pixels of an arrangement? Then its cells are made of its
+    /// corners alone, are not refined, and count as unresolved.
+    pub is_thin: bool,
     /// Distance within which features touch a node on the border.
     pub contact_radius: f64,
     /// Places under emitters so near that their light falls on little more than
@@ -135,6 +138,7 @@ pub(crate) struct Field {
     pub(crate) face: FaceId,
     pub(crate) chart: Chart,
     forest: CellForest,
+    is_thin: bool,
     contact_radius: f64,
     hot_spots: Vec<DVec2>,
     pub(crate) is_dark: bool,
@@ -182,6 +186,7 @@ impl Field {
             face: receiver.face,
             chart: receiver.chart,
             forest: receiver.forest,
+            is_thin: receiver.is_thin,
             contact_radius: receiver.contact_radius,
             hot_spots: receiver.hot_spots,
             degree,
@@ -283,9 +288,11 @@ impl Field {
     }
 
     fn is_at_least_size(&self, c: usize, least: f64) -> bool {
-        self.current
-            .as_ref()
-            .is_none_or(|current| current.layout.mesh.longest_edge(c) <= least * self.size)
+        self.is_thin
+            || self
+                .current
+                .as_ref()
+                .is_none_or(|current| current.layout.mesh.longest_edge(c) <= least * self.size)
     }
 }
 
@@ -465,7 +472,7 @@ impl CellMeshes {
         if self.ended == CellEnded::ToleranceReached {
             let allowed = self.allowed();
             let least = self.options.least_size;
-            for field in &self.fields {
+            for field in self.fields.iter().filter(|f| !f.is_thin) {
                 for c in 0..field.n_elements() {
                     if field.excess(c, &allowed) > 1.0 {
                         if field.n_stalled >= MOST_STALLED {
@@ -497,6 +504,9 @@ impl CellMeshes {
             .par_iter()
             .map(|field| {
                 if field.n_stalled >= MOST_STALLED {
+                    return Vec::new();
+                }
+                if field.is_thin {
                     return Vec::new();
                 }
                 let out: Vec<u32> = (0..field.n_elements())
@@ -531,7 +541,7 @@ impl CellMeshes {
         let mut marked = vec![Vec::new(); self.fields.len()];
         if self.options.refinement == CellRefinement::Whole {
             for (f, marked) in marked.iter_mut().enumerate() {
-                if !self.fields[f].is_dark {
+                if !self.fields[f].is_dark && !self.fields[f].is_thin {
                     *marked = (0..self.fields[f].n_elements() as u32).collect();
                 }
             }

@@ -4,7 +4,7 @@
 //! measure what interpolation costs; elements above the tolerance are bisected
 //! until the whole scene is below it.
 
-use crate::field::{Field, Light, Progress, Receiver, ReceiverMesh};
+use crate::field::{Field, Light, Progress, Receiver, ReceiverMesh, confirm};
 use crate::limits::Limits;
 use antumbra_geom::Stop;
 use antumbra_mesh::TriMesh;
@@ -79,6 +79,8 @@ pub struct DirectMeshes {
     rounding: f64,
     tolerance: Tolerance,
     ended: Ended,
+    /// Places of the last look per weight; 0 before the first.
+    look_density: f64,
 }
 
 impl DirectMeshes {
@@ -109,6 +111,7 @@ impl DirectMeshes {
             fields,
             tolerance: options.tolerance,
             ended: Ended::ToleranceReached,
+            look_density: 0.0,
         };
         let mut is_stopped = !meshes.evaluate(light, stop) || stop.is_wanted();
         if is_stopped {
@@ -126,6 +129,10 @@ impl DirectMeshes {
                     .map(|field| field.verify(light, &allowed, stop)));
                 meshes.gather_peak(light);
                 levels = meshes.levels();
+                if count(&levels) == 0 && !is_stopped {
+                    is_stopped = !meshes.confirm(light, stop);
+                    levels = meshes.levels();
+                }
             }
             let n_marked = count(&levels);
             progress(n_elements, 1.0 - n_marked as f64 / n_elements.max(1) as f64);
@@ -144,6 +151,32 @@ impl DirectMeshes {
             meshes.tell_progress(&levels, options.verify);
             return meshes;
         }
+    }
+
+    /// Measures the error of all elements at places that were not looked at before: so
+    /// many as are worth a small part of the evaluations so far. Returns whether it was
+    /// done.
+    fn confirm(&mut self, light: &dyn Light, stop: Stop<'_>) -> bool {
+        let allowed = self.allowed();
+        let weights: Vec<f64> = self
+            .fields
+            .par_iter()
+            .map(|field| field.look_weights(&allowed))
+            .collect();
+        let weight: f64 = weights.iter().sum();
+        if self.look_density == 0.0 {
+            let n_evaluations: u64 = self.fields.iter().map(|f| f.n_evaluations).sum();
+            if weight > 0.0 {
+                self.look_density = confirm::SHARE * n_evaluations as f64 / weight;
+            }
+        }
+        let density = self.look_density;
+        let is_done = all(self
+            .fields
+            .par_iter_mut()
+            .map(|field| field.confirm(light, &allowed, density, stop)));
+        self.gather_peak(light);
+        is_done
     }
 
     /// Says of every receiver how far it got.

@@ -1,5 +1,7 @@
 //! A receiver's mesh with exact values at its nodes, while it grows and when it is done.
 
+mod bends;
+pub(crate) mod confirm;
 pub(crate) mod posterior;
 mod sides;
 
@@ -9,6 +11,8 @@ use antumbra_mesh::{
     ArrangementOptions, Cut, Locator, Order, Origins, Split, TaggedCurve, TriMesh, arrange,
 };
 use antumbra_scene::FaceId;
+use bends::VERIFIED;
+use confirm::Look;
 use glam::{DVec2, DVec3};
 use sides::{NodeSide, OneSided, singular_points};
 use smallvec::SmallVec;
@@ -81,6 +85,12 @@ pub struct Receiver {
     /// Places under emitters so near that their light falls on little more than
     /// themselves: the error is measured there too, whatever the elements' size.
     pub hot_spots: Vec<DVec2>,
+    /// The area of the face that its arrangement does not hold, being thinner than a few
+    /// pixels: it counts as unresolved.
+    pub folded_area: f64,
+    /// Is nothing left of it in the arrangement? Then the mesh is one of its corners alone:
+    /// it is not refined, and all of its elements count as unresolved.
+    pub is_thin: bool,
 }
 
 /// A straight piece of a curve that waits until an element needs it.
@@ -142,6 +152,11 @@ pub struct ReceiverMesh {
     pub unresolved: Vec<u32>,
     /// Elements whose error is above the tolerance, the unresolved ones among them.
     pub n_above: usize,
+    /// The area that is in no element or in unresolved ones because the receiver is
+    /// thinner there than a few pixels of its arrangement.
+    pub folded_area: f64,
+    /// Is all of it as thin? Then all elements are unresolved.
+    pub is_thin: bool,
     n_bands: usize,
     locator: Locator,
 }
@@ -158,6 +173,25 @@ impl ReceiverMesh {
     pub fn nodes_of(&self, element: usize) -> &[u32] {
         let n = n_nodes(self.degree);
         &self.element_nodes[element * n..(element + 1) * n]
+    }
+
+    /// The area of unresolved elements, and that which is in no element.
+    #[must_use]
+    pub fn unresolved_area(&self) -> f64 {
+        if self.is_thin {
+            return self.folded_area;
+        }
+        let areas = self.unresolved.iter().map(|&t| self.mesh.area(t));
+        areas.sum::<f64>() + self.folded_area
+    }
+
+    /// The area of the receiver: of all elements, and what is in none.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        if self.is_thin {
+            return self.folded_area;
+        }
+        self.mesh.total_area() + self.folded_area
     }
 
     /// Largest measured error, relative to the peak; unresolved elements apart.
@@ -343,6 +377,8 @@ pub(crate) struct Field {
     singular: Vec<DVec2>,
     postponed: Vec<Postponed>,
     hot_spots: Vec<DVec2>,
+    folded_area: f64,
+    is_thin: bool,
     /// The postponed curves that run through each element.
     crossing: Vec<Vec<u32>>,
     knows_all_curves: bool,
@@ -365,6 +401,7 @@ pub(crate) struct Field {
     pub(crate) is_singular: Vec<bool>,
     /// Was the error measured at the second points too?
     is_verified: Vec<bool>,
+    looks: Vec<Look>,
     history: Vec<History>,
     pub(crate) peak: Vec<f64>,
     pub(crate) n_evaluations: u64,
@@ -409,6 +446,7 @@ pub(crate) struct Snapshot {
     edges: Vec<[EdgeError; 3]>,
     is_singular: Vec<bool>,
     is_verified: Vec<bool>,
+    looks: Vec<Look>,
     history: Vec<History>,
 }
 
@@ -447,6 +485,8 @@ impl Field {
             singular,
             postponed: receiver.postponed,
             hot_spots: receiver.hot_spots,
+            folded_area: receiver.folded_area,
+            is_thin: receiver.is_thin,
             crossing,
             knows_all_curves: receiver.knows_all_curves,
             is_dark: !light.reaches(receiver.face),
@@ -466,6 +506,7 @@ impl Field {
             edges: vec![[EdgeError::default(); 3]; n_triangles],
             is_singular: vec![false; n_triangles],
             is_verified: vec![false; n_triangles],
+            looks: vec![Look::Wanted; n_triangles],
             history: vec![
                 History {
                     before: f64::INFINITY,
@@ -495,6 +536,9 @@ impl Field {
     /// Bisects until no element is longer than this fraction of the receiver, or until it
     /// is stopped.
     pub(crate) fn coarsest(&mut self, fraction: f64, stop: Stop<'_>) {
+        if self.is_thin {
+            return;
+        }
         for _ in 0..64 {
             if stop.is_wanted() {
                 return;
@@ -514,6 +558,11 @@ impl Field {
     /// for the time that is left.
     pub(crate) fn fall_back(&mut self) {
         self.sides = OneSided::new(&self.border, &[], self.contact_radius);
+        self.progress = Progress::BorderOnly;
+        if self.is_thin {
+            // It is made of nothing else.
+            return;
+        }
         let curves: Vec<TaggedCurve> = std::mem::take(&mut self.border)
             .into_iter()
             .map(|points| TaggedCurve {
@@ -528,7 +577,6 @@ impl Field {
             // does, no element is better than an end without a result.
             Err(_) => self.clear(),
         }
-        self.progress = Progress::BorderOnly;
     }
 
     /// Leaves no elements.
@@ -553,6 +601,7 @@ impl Field {
         self.edges = vec![[EdgeError::default(); 3]; n_triangles];
         self.is_singular = vec![false; n_triangles];
         self.is_verified = vec![false; n_triangles];
+        self.looks = vec![Look::Wanted; n_triangles];
     }
 
     pub(crate) fn snapshot(&self) -> Snapshot {
@@ -564,6 +613,7 @@ impl Field {
             edges: self.edges.clone(),
             is_singular: self.is_singular.clone(),
             is_verified: self.is_verified.clone(),
+            looks: self.looks.clone(),
             history: self.history.clone(),
         }
     }
@@ -578,6 +628,7 @@ impl Field {
         self.edges = before.edges;
         self.is_singular = before.is_singular;
         self.is_verified = before.is_verified;
+        self.looks = before.looks;
         self.history = before.history;
     }
 
@@ -694,28 +745,13 @@ impl Field {
             points.extend(spots);
             return points;
         }
-        let kinks = self.kinks_above(CALM_KINK, t, allowed);
         let mut points = SmallVec::from_slice(INNER_POINTS[usize::from(self.degree) - 1]);
         points.extend(spots);
         if exceeds(self.longest_edge(t), LARGE * self.size) {
             points.extend(SECOND_POINTS);
         }
-        for (i, &(_, c)) in kinks.iter().take(3).enumerate() {
-            // The strongest at two places: an element may be wide at one end only.
-            let places: &[f64] = if i == 0 { &[0.25, 0.75] } else { &[0.5] };
-            points.extend(places.iter().filter_map(|&at| self.place_on(t, c, at)));
-        }
+        points.extend(self.bent_places(t, VERIFIED, allowed));
         points
-    }
-
-    /// The place at this share of a postponed curve's part in an element.
-    fn place_on(&self, t: usize, curve: u32, share: f64) -> Option<[f64; 3]> {
-        let corners = self.mesh.corners(t as u32);
-        let ends = self.postponed[curve as usize].ends;
-        let (from, to) = part_inside(corners, ends)?;
-        let place = ends[0] + (ends[1] - ends[0]) * (from + (to - from) * share);
-        let at = barycentric(corners, place);
-        at.iter().all(|x| (0.0..=1.0).contains(x)).then_some(at)
     }
 
     /// Measures the error of every element once more, at other points. Returns whether
@@ -953,6 +989,9 @@ impl Field {
 
     /// Is an element so small, or so thin, that it cannot be expected to get better?
     pub(crate) fn is_at_resolution(&self, t: usize, allowed: &[f64]) -> bool {
+        if self.is_thin {
+            return true;
+        }
         let is_too_short = |split: Split| {
             let corners = self.mesh.corners(t as u32);
             let length = corners[split.edge].distance(corners[(split.edge + 1) % 3]);
@@ -1143,6 +1182,8 @@ impl Field {
     fn safety(&self, t: usize, allowed: &[f64]) -> f64 {
         if !self.knows_all_curves {
             SAFETY
+        } else if self.looks[t] == Look::Done {
+            confirm::SAFETY
         } else if self.worst_kink(t, allowed) < CALM_KINK {
             CALM_SAFETY
         } else {
@@ -1316,6 +1357,7 @@ impl Field {
         self.edges.resize(n, [EdgeError::default(); 3]);
         self.is_singular.resize(n, false);
         self.is_verified.resize(n, false);
+        self.looks.resize(n, Look::Wanted);
         let changed: Vec<usize> = (0..n)
             .filter(|&t| before.get(t) != Some(&self.mesh.triangles[t]))
             .collect();
@@ -1367,6 +1409,7 @@ impl Field {
         for ((t, list), history) in changed.into_iter().zip(lists).zip(history) {
             self.history[t] = history;
             self.is_verified[t] = false;
+            self.looks[t] = Look::Wanted;
             self.element_nodes[t] = [u32::MAX; MOST_NODES];
             self.crossing[t] = list;
         }
@@ -1423,6 +1466,7 @@ impl Field {
                 }
                 is_above |= e > allowed[band];
             }
+            is_above |= self.is_thin;
             element_errors.push(error);
             n_above += usize::from(is_above);
             if is_above && self.is_at_resolution(t, allowed) {
@@ -1445,6 +1489,8 @@ impl Field {
             exact_evaluations: self.n_evaluations,
             unresolved,
             n_above,
+            folded_area: self.folded_area,
+            is_thin: self.is_thin,
             n_bands: self.n_bands,
         }
     }

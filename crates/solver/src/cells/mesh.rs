@@ -47,6 +47,9 @@ pub struct CellReceiverMesh {
     pub check_evaluations: u64,
     /// Elements of the least size whose error is above the tolerance.
     pub unresolved: Vec<u32>,
+    /// Is it thinner than a few pixels of an arrangement? Then all elements are unresolved,
+    /// and their error does not count.
+    pub is_thin: bool,
     /// Elements whose error is above the tolerance, the unresolved ones among them.
     pub n_above: usize,
     n_bands: usize,
@@ -302,7 +305,9 @@ pub(super) fn finish(meshes: CellMeshes, other: Option<Other<'_>>, stop: Stop<'_
     }
     let (mut max, mut square, mut area) = (0.0f64, 0.0, 0.0);
     for receiver in &receivers {
-        max = max.max(receiver.max_error());
+        if !receiver.is_thin {
+            max = max.max(receiver.max_error());
+        }
         for (c, &error) in receiver.element_errors.iter().enumerate() {
             let a = receiver.mesh.area(c);
             square += error * error * a;
@@ -363,7 +368,7 @@ fn pack(
     let n_elements = field.n_elements();
     let element_errors = (0..n_elements).map(|c| field.excess(c, scale)).collect();
     let above: Vec<u32> = (0..n_elements)
-        .filter(|&c| has_tolerance && field.excess(c, allowed) > 1.0)
+        .filter(|&c| field.is_thin || (has_tolerance && field.excess(c, allowed) > 1.0))
         .map(|c| c as u32)
         .collect();
     let unresolved = above
@@ -410,6 +415,7 @@ fn pack(
         node_evaluations,
         check_evaluations,
         n_above: above.len(),
+        is_thin: field.is_thin,
         unresolved,
         n_bands: field.n_bands,
     }

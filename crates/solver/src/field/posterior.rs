@@ -1,5 +1,6 @@
 //! Steps after meshing on one receiver: nodes move, elements split, the degree rises.
 
+use super::confirm::Look;
 use super::{Field, Light, MOST_NODES, Snapshot};
 use antumbra_geom::Stop;
 use antumbra_mesh::shape_quality;
@@ -104,6 +105,7 @@ impl Field {
     fn forget_element(&mut self, t: usize) {
         self.element_nodes[t] = [u32::MAX; MOST_NODES];
         self.is_verified[t] = false;
+        self.looks[t] = Look::Wanted;
     }
 
     /// Raises the degree of all elements by one. Returns whether there is a higher one.

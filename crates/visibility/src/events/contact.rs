@@ -7,6 +7,26 @@ use crate::intervals::Intervals;
 use antumbra_scene::{Aabb, Face, FaceId};
 use glam::DVec3;
 
+/// An edge of which one end is farther than the contact radius touches the receiver along
+/// the part that is nearer, if that is longer than this many radii: it leans by a few
+/// roundings of its ends. Shorter ones are the feet of edges that stand on it.
+const LEANING: f64 = 1024.0;
+
+/// The part of an edge that is no farther from a plane than `r`, by its parameter, from the
+/// heights of its ends.
+fn part_within([a, b]: [f64; 2], r: f64) -> Option<[f64; 2]> {
+    if a.abs() <= r && b.abs() <= r {
+        return Some([0.0, 1.0]);
+    }
+    if a.min(b) > r || a.max(b) < -r {
+        return None;
+    }
+    // Where the edge is at a height; the ends differ, for one of them is beyond.
+    let at = |h: f64| ((h - a) / (b - a)).clamp(0.0, 1.0);
+    let (s, t) = (at(-r), at(r));
+    Some([s.min(t), s.max(t)])
+}
+
 impl Tracer<'_, '_> {
     /// D0: where faces touch or pierce the receiver.
     pub(crate) fn contacts(&mut self) {
@@ -55,8 +75,17 @@ impl Tracer<'_, '_> {
             let h = heights(&corners, self);
             for i in 0..corners.len() {
                 let j = (i + 1) % corners.len();
-                if h[i].abs() <= r && h[j].abs() <= r {
-                    segments.push((foot(corners[i], h[i], self), foot(corners[j], h[j], self)));
+                let Some([from, to]) = part_within([h[i], h[j]], r) else {
+                    continue;
+                };
+                let at = |t: f64| {
+                    let height = h[i] + (h[j] - h[i]) * t;
+                    foot(corners[i] + (corners[j] - corners[i]) * t, height, self)
+                };
+                let (a, b) = (at(from), at(to));
+                let lies_on_it = from == 0.0 && to == 1.0;
+                if lies_on_it || a.distance(b) > LEANING * r {
+                    segments.push((a, b));
                 }
             }
         }
@@ -116,5 +145,21 @@ impl Tracer<'_, '_> {
             }
         }
         self.inside_receiver(trace)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_part_of_an_edge_that_is_near_touches() {
+        let r = 1.0;
+        assert_eq!(part_within([0.5, -0.9], r), Some([0.0, 1.0]));
+        assert_eq!(part_within([0.0, 4.0], r), Some([0.0, 0.25]));
+        assert_eq!(part_within([4.0, 0.0], r), Some([0.75, 1.0]));
+        assert_eq!(part_within([-3.0, 5.0], r), Some([0.25, 0.5]));
+        assert_eq!(part_within([2.0, 3.0], r), None);
+        assert_eq!(part_within([-2.0, -3.0], r), None);
     }
 }
