@@ -406,7 +406,8 @@ impl Sheets<'_> {
         let place = |sheet: &usize| cluster.binary_search(sheet).ok();
         let mut parts = BTreeMap::new();
         for (side, partners) in partners {
-            let partners: Vec<usize> = partners.iter().filter_map(place).collect();
+            let mut partners: Vec<usize> = partners.iter().filter_map(place).collect();
+            partners.sort_unstable();
             let found = division.parts(place(&side.sheet)?, &partners)?;
             let whole = &self.list[side.sheet];
             let polygons = found.into_iter().map(|part| {

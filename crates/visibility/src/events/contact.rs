@@ -121,30 +121,29 @@ impl Tracer<'_, '_> {
     }
 
     /// Like `inside_receiver`, but a trace along the border counts as inside: the
-    /// border's own edge is then marked as a contact too.
+    /// border's own edges are then marked as contacts too, all that lie on the trace.
     fn inside_receiver_or_border(&self, trace: &Trace) -> Intervals {
         let r = self.contact_radius;
+        let off = |x: DVec3| trace.normal.dot(x - trace.origin).abs();
+        let mut all: Vec<(f64, f64)> = self.inside_receiver(trace).iter().collect();
         for corners in &self.loops {
             for i in 0..corners.len() {
                 let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
-                let off = |x: DVec3| trace.normal.dot(x - trace.origin).abs();
                 if off(a) <= r && off(b) <= r {
                     let (s, t) = (trace.parameter(a), trace.parameter(b));
-                    let mut all: Vec<(f64, f64)> = self.inside_receiver(trace).iter().collect();
                     all.push((s.min(t), s.max(t)));
-                    all.sort_by(|x, y| x.0.total_cmp(&y.0));
-                    let mut merged: Vec<(f64, f64)> = Vec::new();
-                    for (from, to) in all {
-                        match merged.last_mut() {
-                            Some(last) if last.1 >= from => last.1 = last.1.max(to),
-                            _ => merged.push((from, to)),
-                        }
-                    }
-                    return Intervals::from_sorted(merged);
                 }
             }
         }
-        self.inside_receiver(trace)
+        all.sort_by(|x, y| x.0.total_cmp(&y.0));
+        let mut merged: Vec<(f64, f64)> = Vec::new();
+        for (from, to) in all {
+            match merged.last_mut() {
+                Some(last) if last.1 >= from => last.1 = last.1.max(to),
+                _ => merged.push((from, to)),
+            }
+        }
+        Intervals::from_sorted(merged)
     }
 }
 

@@ -241,7 +241,10 @@ impl<'e, 's> Sheet<'e, 's> {
                 for p in *a {
                     for q in *b {
                         let s = (p.x * q.y - q.x * p.y) / (q.y - p.y);
-                        if s.is_finite() {
+                        // Where an occluder touches the emitter, both are seen in one
+                        // direction from everywhere.
+                        let is_apart = p.distance(*q) > 16.0 * self.tolerance;
+                        if s.is_finite() && is_apart {
                             marks.push(s);
                         }
                     }
@@ -520,7 +523,30 @@ fn chords(scene: &Scene, face: FaceId, normal: DVec3, point: DVec3) -> Vec<[DVec
             found.push([a, b]);
         }
     }
-    found
+    joined(found, scene.plane_tolerance())
+}
+
+/// Chords of one line, put together where one ends and the next begins: which pieces a face
+/// has is the triangulation's choice.
+fn joined(mut chords: Vec<[DVec3; 2]>, tolerance: f64) -> Vec<[DVec3; 2]> {
+    if chords.len() < 2 {
+        return chords;
+    }
+    let along = chords[0][1] - chords[0][0];
+    for chord in &mut chords {
+        if along.dot(chord[1] - chord[0]) < 0.0 {
+            chord.reverse();
+        }
+    }
+    chords.sort_by(|a, b| along.dot(a[0]).total_cmp(&along.dot(b[0])));
+    chords.dedup_by(|next, kept| {
+        let goes_on = next[0].distance(kept[1]) <= 4.0 * tolerance;
+        if goes_on {
+            kept[1] = next[1];
+        }
+        goes_on
+    });
+    chords
 }
 
 /// The unit normal of the plane that holds both edges, if one does.

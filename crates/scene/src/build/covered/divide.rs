@@ -8,7 +8,7 @@ use crate::bvh::{Aabb, BoxTree};
 use antumbra_geom::{
     Chart, DVec2, DVec3, cdt, convex_pieces, point_in_polygon, segments_cross, signed_area,
 };
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// A connected part of a polygon, covered or not.
 pub(super) struct Found {
@@ -28,6 +28,8 @@ pub(super) struct Division {
     neighbours: Vec<[Option<u32>; 3]>,
     /// Per polygon its triangles, ascending.
     triangles_of: Vec<Vec<u32>>,
+    /// Per triangle the polygons that have it.
+    polygons_at: Vec<Vec<usize>>,
     /// Which edges of the input an edge is part of.
     origins: BTreeMap<[u32; 2], Vec<u32>>,
 }
@@ -75,6 +77,7 @@ impl Division {
         let mut division = Self {
             neighbours: cdt::neighbours(&triangles),
             triangles_of: vec![Vec::new(); polygons.len()],
+            polygons_at: vec![Vec::new(); triangles.len()],
             ids,
             points: borders.points,
             triangles,
@@ -119,6 +122,9 @@ impl Division {
             let mut members = Vec::new();
             tree.visit(|b| b.meets(&query), |i| members.push(i as usize));
             members.retain(|&i| point_in_polygon(middle, loops[i].iter().map(Vec::as_slice)));
+            for &t in &region {
+                self.polygons_at[t as usize].clone_from(&members);
+            }
             for i in members {
                 self.triangles_of[i].extend(&region);
             }
@@ -175,13 +181,14 @@ impl Division {
 
     /// The covered and the uncovered parts of a polygon; `None` if one has no outline.
     ///
-    /// * `partners` — the polygons that cover it.
+    /// * `partners` — the polygons that cover it, ascending.
     pub(super) fn parts(&self, polygon: usize, partners: &[usize]) -> Option<Vec<Found>> {
-        let under = partners.iter().flat_map(|&p| &self.triangles_of[p]);
-        let under: BTreeSet<u32> = under.copied().collect();
-        let (covered, open): (Vec<u32>, Vec<u32>) = self.triangles_of[polygon]
-            .iter()
-            .partition(|t| under.contains(t));
+        let is_under = |t: &&u32| {
+            let mut polygons = self.polygons_at[**t as usize].iter();
+            polygons.any(|p| partners.binary_search(p).is_ok())
+        };
+        let (covered, open): (Vec<u32>, Vec<u32>) =
+            self.triangles_of[polygon].iter().partition(is_under);
         let mut parts = Vec::new();
         for (triangles, is_covered) in [(open, false), (covered, true)] {
             for component in self.connected(&triangles, |_| true) {
