@@ -19,7 +19,18 @@ pub(crate) fn run(factors: &Factors) -> Result<Ending, Failure> {
     }
     let formats = output::formats(&factors.output, &output::FACTORS)?;
     let loaded = input::load_for(common, Purpose::Factors)?;
+    input::spare(&factors.output)?;
     let watch = Watch::new(common);
+    let n = loaded.scene.surfaces.len() as u64;
+    let bytes = BYTES_PER_FACTOR * n * n;
+    if !watch.run(|control| (control.has_room)(bytes)) {
+        eprintln!(
+            "antumbra: the form factors between {n} surfaces take {:.1} GB, for which there is no \
+             memory: nothing is written",
+            bytes as f64 / 1e9
+        );
+        return Ok(Ending::BudgetReached);
+    }
     let options = FactorOptions {
         tolerance: factors.tolerance,
         ..FactorOptions::default()
@@ -73,6 +84,10 @@ pub(crate) fn run(factors: &Factors) -> Result<Ending, Failure> {
     }
     Ok(ending)
 }
+
+/// Memory for each pair of surfaces: factor, error and whether it is missing, as they are
+/// computed and as they are written.
+const BYTES_PER_FACTOR: u64 = 34;
 
 fn ending(watch: &Watch, raw: &FormFactors, options: &FactorOptions) -> Ending {
     if watch.should_stop() {
