@@ -107,7 +107,7 @@ impl FormFactors {
                 }
             }
         }
-        Self {
+        let mut matrix = Self {
             names: scene.surfaces.iter().map(|s| s.name.clone()).collect(),
             areas: areas.iter().map(|&a| scene.frame.area_to_file(a)).collect(),
             values,
@@ -116,6 +116,42 @@ impl FormFactors {
             evaluations: entries().map(|e| e.exchange.evaluations).sum(),
             left_out,
             missing,
+        };
+        if scene.report().closed {
+            let mut is_integrated = vec![false; n * n];
+            for entry in entries().filter(|e| e.exchange.evaluations > 0) {
+                let [s, t] = entry.faces.map(|face| scene.face(face).surface.index());
+                is_integrated[s * n + t] = true;
+                is_integrated[t * n + s] = true;
+            }
+            matrix.hear_row_sums(&is_integrated);
+        }
+        matrix
+    }
+
+    /// In a closed scene a row whose sum is off from 1 by more than all its errors shows
+    /// that one of them is too small. Which one it does not say: each factor of the row
+    /// that was integrated, both ways, may be off by that as well.
+    ///
+    /// Rows that are farther off than any error are those of surfaces outside.
+    fn hear_row_sums(&mut self, is_integrated: &[bool]) {
+        let n = self.n();
+        let mut raised: Vec<(usize, f64)> = Vec::new();
+        for (i, sum) in self.row_sums().into_iter().enumerate() {
+            let off = (sum - 1.0).abs();
+            let claimed: f64 = self.errors[i * n..(i + 1) * n].iter().sum();
+            if !self.is_complete(i) || off <= claimed || off > REPAIRABLE {
+                continue;
+            }
+            let row = i * n..(i + 1) * n;
+            for k in row.filter(|&k| is_integrated[k]) {
+                let j = k - i * n;
+                raised.push((k, off));
+                raised.push((j * n + i, off * self.areas[i] / self.areas[j]));
+            }
+        }
+        for (k, off) in raised {
+            self.errors[k] += off;
         }
     }
 
@@ -280,6 +316,25 @@ mod tests {
             left_out: 0,
             missing: Vec::new(),
         }
+    }
+
+    #[test]
+    fn a_row_that_is_off_by_more_than_it_claims_raises_the_claims() {
+        let mut matrix = nearly_closed();
+        matrix.errors = vec![1e-3; 9];
+        let before = matrix.errors.clone();
+        matrix.hear_row_sums(&[true; 9]);
+        assert_eq!(matrix.errors, before, "the claims hold what is missing");
+        matrix.errors = vec![1e-9; 9];
+        let mut is_integrated = [false; 9];
+        (is_integrated[1], is_integrated[3]) = (true, true);
+        let off: Vec<f64> = matrix.row_sums().iter().map(|s| (s - 1.0).abs()).collect();
+        matrix.hear_row_sums(&is_integrated);
+        assert!(matrix.errors[1] >= off[0] && matrix.errors[3] >= off[1]);
+        // Both ways, and only what was integrated.
+        let both = [1, 3].map(|k: usize| matrix.areas[k / 3] * matrix.errors[k]);
+        assert!((both[0] - both[1]).abs() < 1e-8, "{both:?}");
+        assert_eq!(matrix.errors[2], 1e-9);
     }
 
     #[test]

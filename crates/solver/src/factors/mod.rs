@@ -223,13 +223,13 @@ struct Entry {
 
 impl Entry {
     /// Two results that differ by more than both estimates tell of an error: it
-    /// counts.
+    /// counts, with that of the second.
     fn new(a: FaceId, b: FaceId, there: Exchange, back: Option<Exchange>) -> Self {
         let mut exchange = there;
         if let Some(back) = back {
             let difference = (there.value - back.value).abs();
             if difference > there.error + back.error {
-                exchange.error = difference;
+                exchange.error = difference + back.error;
             }
             exchange.evaluations += back.evaluations;
         }
