@@ -342,7 +342,16 @@ fn a_stopped_run_says_what_is_missing() {
         should_stop: &|| true,
         ..Control::default()
     };
-    let matrix = factors(&scene, &FactorOptions::default(), &control);
-    assert_eq!(matrix.left_out, matrix.reciprocity.pairs);
+    let mut matrix = factors(&scene, &FactorOptions::default(), &control);
+    assert!(matrix.left_out > 0);
+    assert_eq!(matrix.reciprocity.pairs, 0);
     assert!(matrix.max_error() >= 0.5, "{}", matrix.max_error());
+    // Surfaces in one plane exchange nothing, which is known; the others might.
+    let known = (0..matrix.n()).filter(|&i| !matrix.missing[i * matrix.n() + i]);
+    assert_eq!(known.count(), matrix.n(), "none sees itself");
+    // The box's bottom is covered by the floor: that it sees nothing is known as well.
+    let is_covered = |i: usize| matrix.areas[i] == 0.0;
+    assert!((0..matrix.n()).all(|i| matrix.is_complete(i) == is_covered(i)));
+    assert_eq!(matrix.closure(), None);
+    assert!(matrix.repair().is_err());
 }

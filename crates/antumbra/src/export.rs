@@ -57,6 +57,7 @@ pub fn export_factors(
         emissivities: scene.surfaces.iter().map(emissivity).collect(),
         values: matrix.values.clone(),
         errors: matrix.errors.clone(),
+        missing: matrix.missing.clone(),
         is_repaired,
         is_closed: scene.report().closed,
         provenance: provenance.to_owned(),

@@ -538,7 +538,7 @@ fn receivers(
                 })?,
                 is_thin,
                 contact_radius: contact_radius(scene, face),
-                hot_spots: hot_spots(scene, face, &chart),
+                hot_spots: hot_spots(evaluator, face, &chart),
                 chart,
             })
         })
@@ -709,7 +709,7 @@ impl Near {
         for curve in found.map_or(Vec::new(), |found| found.curves) {
             segments.push(curve.shape.ends().map(|p| chart.to_chart(p)));
         }
-        let emitters = scene.emitters().filter(|&e| e != face).flat_map(|e| {
+        let emitters = evaluator.emitters().filter(|&e| e != face).flat_map(|e| {
             let pieces = &scene.face(e).pieces;
             let pieces = &scene.pieces[pieces.start as usize..pieces.end as usize];
             pieces.iter().map(|piece| scene.positions(&piece.vertices))

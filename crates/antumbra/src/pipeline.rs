@@ -418,7 +418,7 @@ fn direct(
     let prepared: Vec<Prepared> = scout
         .receivers
         .into_par_iter()
-        .map(|r| prepare(scene, r, knows_all_curves, allowed, &preparation))
+        .map(|r| prepare(evaluator, r, knows_all_curves, allowed, &preparation))
         .collect::<Result<_, _>>()?;
     let (receivers, mut curves): (Vec<Receiver>, Vec<ReceiverCurves>) =
         prepared.into_iter().map(|p| (p.receiver, p.curves)).unzip();
@@ -679,7 +679,7 @@ fn contact_receivers(
                 stop,
                 ..Limits::NONE
             };
-            prepare(scene, receiver, false, 0.0, &limits).map(|p| Some(p.receiver))
+            prepare(evaluator, receiver, false, 0.0, &limits).map(|p| Some(p.receiver))
         })
         .collect();
     // A mesh that was stopped lacks its contacts.
@@ -752,12 +752,13 @@ fn count_inserted(mesh: MeshWithOrders<'_>, curves: &ReceiverCurves, inserted: &
 /// Triangulates one receiver along its curves: all, or those of contacts, the others
 /// postponed. Not at all if it was stopped, or if there is no room.
 fn prepare(
-    scene: &Scene,
+    evaluator: &Evaluator<'_>,
     scouted: ScoutedReceiver,
     knows_all_curves: bool,
     allowed: f64,
     limits: &Limits<'_>,
 ) -> Result<Prepared, Error> {
+    let scene = evaluator.scene();
     let (face, critical) = (scouted.face, scouted.curves.curves);
     let chart = scene.chart(face);
     let size = scene.face(face).area.sqrt();
@@ -838,7 +839,7 @@ fn prepare(
     let receiver = Receiver {
         folded_area: thin.area,
         is_thin: thin.is_all,
-        hot_spots: hot_spots(scene, face, &chart),
+        hot_spots: hot_spots(evaluator, face, &chart),
         face,
         chart,
         contacts,
@@ -862,13 +863,15 @@ const NEAR_EMITTER: f64 = 0.125;
 /// Where the pieces of near emitters and their corners stand above a receiver: a lamp a
 /// millimetre below the ceiling lights a patch of its own size there, which the nodes
 /// and check points of large elements may all miss.
-pub(crate) fn hot_spots(scene: &Scene, face: FaceId, chart: &Chart) -> Vec<DVec2> {
+pub(crate) fn hot_spots(evaluator: &Evaluator<'_>, face: FaceId, chart: &Chart) -> Vec<DVec2> {
+    let scene = evaluator.scene();
     let receiver = scene.face(face);
     let origin = scene.position(receiver.outline[0]);
     let bounds = Aabb::of(receiver.outline.iter().map(|&v| scene.position(v)));
     let near = NEAR_EMITTER * (bounds.max - bounds.min).length();
     let mut spots = Vec::new();
-    for emitter in scene.emitters().filter(|&e| e != face) {
+    // The scene would look for its emitters each time.
+    for emitter in evaluator.emitters().filter(|&e| e != face) {
         let pieces = &scene.face(emitter).pieces;
         for piece in &scene.pieces[pieces.start as usize..pieces.end as usize] {
             let corners = scene.positions(&piece.vertices);

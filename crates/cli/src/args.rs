@@ -64,16 +64,21 @@ impl Command {
         }
     }
 
-    /// When to end early; nothing where only a scene is read, or a child does the work.
-    pub(crate) fn limits(&self) -> Option<&Limits> {
+    /// When to end early. Where a child does the work, its parent ends it.
+    pub(crate) fn limits(&self) -> Limits {
         match self {
-            Self::Check(_) | Self::Reduce(_) | Self::ReduceTry(_) => None,
-            Self::Plan(plan) => Some(&plan.meshing.limits),
-            Self::Mesh(mesh) | Self::Solve(mesh) => Some(&mesh.meshing.limits),
-            Self::Probe(probe) => Some(&probe.meshing.limits),
-            Self::Factors(factors) => Some(&factors.limits),
-            Self::Study(study) => Some(&study.limits),
-            Self::Render(render) => Some(&render.meshing.limits),
+            Self::Check(check) => check.limits,
+            Self::Plan(plan) => plan.meshing.limits,
+            Self::Mesh(mesh) | Self::Solve(mesh) => mesh.meshing.limits,
+            Self::Probe(probe) => probe.meshing.limits,
+            Self::Factors(factors) => factors.limits,
+            Self::Study(study) => study.limits,
+            Self::Render(render) => render.meshing.limits,
+            Self::Reduce(reduce) => Limits {
+                budget: reduce.budget,
+                max_memory: None,
+            },
+            Self::ReduceTry(_) => Limits::default(),
         }
     }
 }
@@ -174,17 +179,39 @@ pub(crate) struct Meshing {
 }
 
 /// When to end early.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Copy, Debug, Default)]
 pub(crate) struct Limits {
     /// No more memory than this, such as 500MB or 2GB: then the result so far is written,
     /// at 70 % of it, for writing takes memory too.
     #[arg(long, value_name = "SIZE", value_parser = memory)]
     pub(crate) max_memory: Option<u64>,
-    /// No more time than this, from the start on: then the result so far is written, with
-    /// coarse meshes where nothing is known yet. Up to a fifth of it, but no less than
-    /// 0.8 and no more than 10 seconds, goes into those.
+    /// No more time than this, from the start on: then the result so far is written (what
+    /// that is, see below), with coarse meshes where nothing is known yet. Up to a fifth of
+    /// it, but no less than 0.8 and no more than 10 seconds, goes into those.
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
     pub(crate) budget: Option<f64>,
+}
+
+/// What a partial result is, of every command: after a limit of time or memory (exit code
+/// 6) and after an interrupt or a request to end (SIGINT, SIGTERM; 130).
+mod partial {
+    pub(super) const CHECK: &str = "Partial result (exit codes 6, 130): the scene is accepted and \
+counted, but whether rooms are closed and corners meet was not looked at; \"complete\" is false in \
+--json. There is none before the scene is accepted.";
+    pub(super) const PLAN: &str = "Partial result (exit codes 6, 130): none, for a plan of some of \
+the receivers would be none of the scene.";
+    pub(super) const MESH: &str = "Partial result (exit codes 6, 130): every surface has the last of \
+its meshes that had all its values, else a coarse one, else none; interreflection is as far as it \
+came, or left out. \"stopped\" in --json says how many surfaces there are of each kind.";
+    pub(super) const PROBE: &str = "Partial result (exit codes 6, 130): points that were not computed \
+have no value: empty in CSV, null in --json.";
+    pub(super) const FACTORS: &str = "Partial result (exit codes 6, 130): factors of pairs that were \
+not computed are missing, and so are the sums of their rows: empty in .csv, null in .json and \
+--json; .txt has no word for that and is not written.";
+    pub(super) const STUDY: &str = "Partial result (exit codes 6, 130): the runs that were completed; \
+the page says which are missing.";
+    pub(super) const RENDER: &str = "Partial result (exit codes 6, 130): a picture of the meshes so \
+far; surfaces without values have the colour of those.";
 }
 
 impl Meshing {
@@ -277,12 +304,16 @@ pub(crate) struct Steps(pub(crate) [Option<AfterStep>; MOST_STEPS]);
 pub(crate) struct Degree(pub(crate) Option<u8>);
 
 #[derive(Args, Debug)]
+#[command(after_help = partial::CHECK)]
 pub(crate) struct Check {
     #[command(flatten)]
     pub(crate) common: Common,
+    #[command(flatten)]
+    pub(crate) limits: Limits,
 }
 
 #[derive(Args, Debug)]
+#[command(after_help = partial::PLAN)]
 pub(crate) struct PlanArgs {
     #[command(flatten)]
     pub(crate) common: Common,
@@ -294,6 +325,7 @@ pub(crate) struct PlanArgs {
 }
 
 #[derive(Args, Debug)]
+#[command(after_help = partial::MESH)]
 pub(crate) struct Mesh {
     #[command(flatten)]
     pub(crate) common: Common,
@@ -308,6 +340,7 @@ pub(crate) struct Mesh {
 }
 
 #[derive(Args, Debug)]
+#[command(after_help = partial::PROBE)]
 pub(crate) struct Probe {
     #[command(flatten)]
     pub(crate) common: Common,
@@ -329,6 +362,7 @@ pub(crate) struct Probe {
 }
 
 #[derive(Args, Debug)]
+#[command(after_help = partial::FACTORS)]
 pub(crate) struct Factors {
     #[command(flatten)]
     pub(crate) common: Common,
@@ -351,7 +385,8 @@ pub(crate) struct Factors {
 #[command(
     long_about = "Run every mesh generator at every degree over a ladder of tolerances or sizes, and \
 measure error against time, elements, exact evaluations and memory. Errors are those at random \
-points that no mesh used, against exact values."
+points that no mesh used, against exact values.",
+    after_help = partial::STUDY
 )]
 pub(crate) struct Study {
     #[command(flatten)]
@@ -388,6 +423,7 @@ pub(crate) struct Study {
 }
 
 #[derive(Args, Debug)]
+#[command(after_help = partial::RENDER)]
 pub(crate) struct Render {
     #[command(flatten)]
     pub(crate) common: Common,

@@ -3,9 +3,9 @@
 use crate::Ending;
 use crate::args::Check;
 use crate::failure::Failure;
-use crate::input;
 use crate::report::covered;
 use crate::say::say;
+use crate::{input, progress};
 use antumbra::{Problem, Scene, Severity, thin_surfaces};
 use serde_json::{Value, json};
 
@@ -18,11 +18,25 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
             let report = built.scene.report();
             let mut warnings = built.warnings;
             warnings.extend(thin_surfaces(&built.scene));
-            warnings.extend(input::doubts(&built.scene, &input));
+            let doubts = input::doubts(&built.scene, &input);
+            let is_complete = doubts.is_some();
+            warnings.extend(doubts.into_iter().flatten());
+            let ending = if is_complete {
+                Ending::Done
+            } else {
+                let (ending, why) = progress::stopped_by();
+                eprintln!(
+                    "antumbra: stopped by {why}: whether rooms are closed and corners meet was not \
+                     looked at"
+                );
+                ending
+            };
+            progress::keep_going();
             if common.json {
                 let document = json!({
                     "version": env!("CARGO_PKG_VERSION"),
                     "accepted": true,
+                    "complete": is_complete,
                     "surfaces": report.surfaces,
                     "faces": report.faces,
                     "vertices": report.vertices,
@@ -44,7 +58,7 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
                     "problems": problems(&warnings),
                 });
                 say!("{document:#}");
-                return Ok(Ending::Done);
+                return Ok(ending);
             }
             for note in &input.notes {
                 say!("note: {note}");
@@ -84,7 +98,7 @@ pub(crate) fn run(check: &Check) -> Result<Ending, Failure> {
                     built.scene.covered_areas().len(),
                 );
             }
-            Ok(Ending::Done)
+            Ok(ending)
         }
         Err(found) => {
             if common.json {

@@ -4,7 +4,7 @@ use crate::Ending;
 use crate::args::Factors;
 use crate::failure::Failure;
 use crate::input::{self, Loaded, Purpose};
-use crate::output;
+use crate::output::{self, Format};
 use crate::progress::{Watch, peak_memory};
 use crate::report::covered;
 use crate::say::say;
@@ -19,7 +19,18 @@ pub(crate) fn run(factors: &Factors) -> Result<Ending, Failure> {
     }
     let formats = output::formats(&factors.output, &output::FACTORS)?;
     let loaded = input::load_for(common, Purpose::Factors)?;
+    input::spare(&factors.output)?;
     let watch = Watch::new(common);
+    let n = loaded.scene.surfaces.len() as u64;
+    let bytes = BYTES_PER_FACTOR * n * n;
+    if !watch.run(|control| (control.has_room)(bytes)) {
+        eprintln!(
+            "antumbra: the form factors between {n} surfaces take {:.1} GB, for which there is no \
+             memory: nothing is written",
+            bytes as f64 / 1e9
+        );
+        return Ok(Ending::BudgetReached);
+    }
     let options = FactorOptions {
         tolerance: factors.tolerance,
         ..FactorOptions::default()
@@ -29,7 +40,17 @@ pub(crate) fn run(factors: &Factors) -> Result<Ending, Failure> {
     let ending = ending(&watch, &raw, &options);
 
     let mut matrix = raw.clone();
-    let repair = if factors.repair {
+    let repair = if raw.left_out > 0 {
+        let why = watch.stopped().1;
+        eprintln!(
+            "antumbra: stopped by {why}: {} pairs of faces were left out",
+            raw.left_out
+        );
+        if factors.repair {
+            eprintln!("antumbra: --repair: not done, for factors are missing");
+        }
+        None
+    } else if factors.repair {
         let repaired = matrix.repair();
         Some(repaired.map_err(|e| Failure::usage(format!("--repair: {e}")))?)
     } else {
@@ -37,20 +58,36 @@ pub(crate) fn run(factors: &Factors) -> Result<Ending, Failure> {
     };
     let generator = format!("antumbra {}", env!("CARGO_PKG_VERSION"));
     let table = antumbra::export_factors(&loaded.scene, &matrix, repair.is_some(), &generator);
+    let mut written = Vec::new();
     for (path, format) in factors.output.iter().zip(formats) {
+        // Zeros in the place of what is not known would be read as factors.
+        if format == Format::Txt && raw.left_out > 0 {
+            eprintln!(
+                "antumbra: {}: not written: {} factors are missing, and the text of View3D has no \
+                 word for that (.csv and .json have)",
+                path.display(),
+                table.n_missing()
+            );
+            continue;
+        }
         output::write_factors(path, format, &table)?;
+        written.push(path);
     }
     if common.json {
         let report = document(&loaded, &options, &raw, repair.as_ref(), &table, total);
         say!("{report:#}");
     } else if !common.quiet {
         say!("{}", summary(&options, &raw, repair.as_ref(), total));
-        for path in &factors.output {
+        for path in written {
             say!("wrote {}", path.display());
         }
     }
     Ok(ending)
 }
+
+/// Memory for each pair of surfaces: factor, error and whether it is missing, as they are
+/// computed and as they are written.
+const BYTES_PER_FACTOR: u64 = 34;
 
 fn ending(watch: &Watch, raw: &FormFactors, options: &FactorOptions) -> Ending {
     if watch.should_stop() {
@@ -94,7 +131,7 @@ fn document(
             "row_sum": sum,
         })),
         "closed": table.is_closed,
-        "raw_row_sums": raw.row_sums(),
+        "raw_row_sums": known_sums(raw),
         "repair": repair.map(|r| json!({
             "largest_change": r.largest_change,
             "between": r.between.map(name),
@@ -105,12 +142,19 @@ fn document(
         "areas": table.areas,
         "covered": covered(&loaded.scene),
         "row_sums": table.row_sums(),
-        "factors": table.rows().collect::<Vec<_>>(),
+        "factors": table.known_rows().collect::<Vec<_>>(),
         "seconds": { "total": total },
         "peak_memory_bytes": peak_memory(),
         "threads": rayon::current_num_threads(),
         "warnings": loaded.warnings.iter().map(|w| w.message.clone()).chain(loaded.notes.iter().cloned()).collect::<Vec<_>>(),
     })
+}
+
+/// The sums of the rows; nothing where factors are missing.
+fn known_sums(raw: &FormFactors) -> Vec<Option<f64>> {
+    let sums = raw.row_sums().into_iter().enumerate();
+    sums.map(|(i, sum)| raw.is_complete(i).then_some(sum))
+        .collect()
 }
 
 /// A few lines for people.
@@ -120,18 +164,24 @@ fn summary(
     repair: Option<&Repair>,
     total: f64,
 ) -> String {
-    let sums = raw.row_sums();
+    let sums = known_sums(raw);
     let (min, max) = sums
         .iter()
         .zip(&raw.areas)
         .filter(|(_, area)| **area > 0.0)
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), (&s, _)| {
+        .filter_map(|(sum, _)| *sum)
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), s| {
             (min.min(s), max.max(s))
         });
+    let rows = if min <= max {
+        format!("{min:.9} to {max:.9}")
+    } else {
+        "none is complete".to_owned()
+    };
     let mut text = format!(
         "{} surfaces, {} pairs of faces that face each other\n\
          error: at most {:.2e}, estimated (allowed {:e})\n\
-         row sums, raw: {min:.9} to {max:.9}\n\
+         row sums, raw: {rows}\n\
          reciprocity: worst {:.1e}, of {} pairs computed from both sides\n\
          {} exact evaluations, {total:.3} s",
         raw.n(),

@@ -2,10 +2,13 @@
 
 use crate::args::{Color, Common};
 use crate::failure::Failure;
+use crate::{output, progress};
+use antumbra::geom::Stop;
 use antumbra::scene::LengthUnit;
 use antumbra::{Problem, Scene, Severity, io, thin_surfaces};
 use std::io::IsTerminal as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// A scene that was read and accepted.
 pub(crate) struct Loaded {
@@ -98,7 +101,31 @@ fn gltf(path: &Path, unit: LengthUnit) -> Result<antumbra::SceneInput, String> {
 }
 
 fn bytes(path: &Path) -> Result<Vec<u8>, String> {
+    files_read().push(path.to_owned());
     std::fs::read(path).map_err(|e| e.to_string())
+}
+
+/// The files that the scene was read from: nothing may be written over them.
+static FILES_READ: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn files_read() -> MutexGuard<'static, Vec<PathBuf>> {
+    // Whoever panicked while it had the list: it is still a list.
+    FILES_READ.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Refuses outputs that would replace a file the scene was read from: one that it
+/// includes as well, and by whatever name.
+pub(crate) fn spare(outputs: &[PathBuf]) -> Result<(), Failure> {
+    for file in files_read().iter() {
+        if let Some(output) = outputs.iter().find(|o| output::is_same_file(o, file)) {
+            return Err(Failure::usage(format!(
+                "{}: is {}, which the scene is read from",
+                output.display(),
+                file.display()
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// The text of a file of another program, and a note if it is not UTF-8.
@@ -163,13 +190,17 @@ pub(crate) fn load(common: &Common) -> Result<Loaded, Failure> {
 
 /// What is worth saying of a scene that is accepted: rooms that are open, surfaces that
 /// face the wrong way, corners that miss each other.
-pub(crate) fn doubts(scene: &Scene, input: &antumbra::SceneInput) -> Vec<Problem> {
-    let mut doubts = scene.room_problems();
+///
+/// Nothing if it was stopped.
+pub(crate) fn doubts(scene: &Scene, input: &antumbra::SceneInput) -> Option<Vec<Problem>> {
+    progress::scene_is_there();
+    let stop = Stop::new(&progress::is_stop_wanted);
+    let mut doubts = scene.room_problems_until(stop)?;
     doubts.extend(input.corner_gaps().map(|mut gaps| {
         gaps.message.push_str(" (--weld)");
         gaps
     }));
-    doubts
+    Some(doubts)
 }
 
 /// Reads and checks a scene; warnings are shown unless `--quiet`.
@@ -181,7 +212,13 @@ pub(crate) fn load_for(common: &Common, purpose: Purpose) -> Result<Loaded, Fail
             let mut warnings = built.warnings;
             warnings.extend(thin_surfaces(&built.scene));
             if purpose != Purpose::Direct {
-                warnings.extend(doubts(&built.scene, &input));
+                match doubts(&built.scene, &input) {
+                    Some(doubts) => warnings.extend(doubts),
+                    None => eprintln!(
+                        "antumbra: stopped by {}: whether rooms are closed was not looked at",
+                        progress::stopped_by().1
+                    ),
+                }
             }
             if purpose == Purpose::Factors {
                 warnings.retain(|w| w.kind != "no-emitter");

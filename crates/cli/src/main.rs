@@ -50,7 +50,7 @@ impl Ending {
 fn main() -> ExitCode {
     // clap exits with 2 on bad usage and with 0 after --help.
     let options = Options::parse();
-    progress::start(options.command.limits());
+    progress::start(&options.command.limits());
     if let Some(threads) = options.command.common().threads {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)

@@ -115,6 +115,7 @@ pub(crate) fn run(mesh: &Mesh, work: Work) -> Result<Ending, Failure> {
         Work::Solve => Purpose::Interreflection,
     };
     let loaded = input::load_for(common, purpose)?;
+    input::spare(&mesh.output)?;
     output::check_look(&mesh.picture, &loaded.scene, work)?;
     let watch = Watch::new(common);
     let done = compute(&loaded, &generator, &watch, work)?;

@@ -30,8 +30,13 @@ pub(crate) enum Format {
 /// must be known, the folder must be there, and it must be possible to write there.
 pub(crate) fn formats(outputs: &[PathBuf], allowed: &[Format]) -> Result<Vec<Format>, Failure> {
     for (i, path) in outputs.iter().enumerate() {
-        if outputs[..i].contains(path) {
-            return Err(Failure::usage(format!("{}: given twice", path.display())));
+        if let Some(other) = outputs[..i].iter().find(|o| is_same_file(o, path)) {
+            let why = if other == path {
+                "given twice".to_owned()
+            } else {
+                format!("is the same file as {}", other.display())
+            };
+            return Err(Failure::usage(format!("{}: {why}", path.display())));
         }
     }
     outputs
@@ -67,6 +72,31 @@ pub(crate) fn formats(outputs: &[PathBuf], allowed: &[Format]) -> Result<Vec<For
             Ok(format)
         })
         .collect()
+}
+
+/// Do two paths lead to one file, by links or by other spellings? They do as well if there
+/// is none yet and both would make it.
+pub(crate) fn is_same_file(a: &Path, b: &Path) -> bool {
+    match [a, b].map(std::fs::metadata) {
+        #[cfg(unix)]
+        [Ok(a), Ok(b)] => {
+            use std::os::unix::fs::MetadataExt as _;
+            (a.dev(), a.ino()) == (b.dev(), b.ino())
+        }
+        #[cfg(not(unix))]
+        [Ok(_), Ok(_)] => match [a, b].map(std::fs::canonicalize) {
+            [Ok(a), Ok(b)] => a == b,
+            _ => a == b,
+        },
+        [Err(_), Err(_)] => {
+            let place = |path: &Path| {
+                let folder = std::fs::canonicalize(parent(path)).ok()?;
+                Some(folder.join(path.file_name()?))
+            };
+            a == b || place(a).is_some_and(|a| place(b) == Some(a))
+        }
+        _ => false,
+    }
 }
 
 fn unknown(path: &Path) -> Failure {

@@ -56,26 +56,40 @@ const MOST_ROUNDING_OFF: f64 = 10.0;
 
 /// Starts the clock, and watches clock, memory and interrupts from now on.
 ///
-/// The first Ctrl-C ends the work with what there is; the second ends the process,
-/// and no half-written file remains.
+/// The first Ctrl-C, or request to end from a scheduler (SIGTERM) or a closed terminal
+/// (SIGHUP), ends the work with what there is; the second ends the process, and no
+/// half-written file remains.
 #[expect(
     clippy::exit,
     reason = "the user asks a second time: there is nothing left to wait for"
 )]
-pub(crate) fn start(limits: Option<&Limits>) {
+pub(crate) fn start(limits: &Limits) {
     let started = Instant::now();
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, SeqCst) {
             output::remove_temporaries(|| std::process::exit(130));
         }
     });
-    let budget = limits.and_then(|l| l.budget);
-    let max_memory = limits.and_then(|l| l.max_memory);
+    fail_at_largest_file();
+    let Limits { budget, max_memory } = *limits;
     MAX_MEMORY.store(max_memory.unwrap_or(0), SeqCst);
     let watch = move || watch(started, budget, max_memory);
     // Without the thread nothing would hold; but a run without limits can do without.
     if let Err(error) = std::thread::Builder::new().spawn(watch) {
         eprintln!("antumbra: limits do not hold: {error}");
+    }
+}
+
+/// A file that reaches the limit of its size (`ulimit -f`) is to fail as a full disk does:
+/// the signal that comes with it would end the process, and leave the file.
+fn fail_at_largest_file() {
+    #[cfg(unix)]
+    {
+        use signal_hook::{consts::SIGXFSZ, flag::register};
+        // Nobody looks at the flag: what counts is that the signal has a handler.
+        if let Err(error) = register(SIGXFSZ, std::sync::Arc::new(AtomicBool::new(false))) {
+            eprintln!("antumbra: a limit of file size may end this process: {error}");
+        }
     }
 }
 
@@ -208,12 +222,7 @@ impl Watch {
 
     /// How a run ends that did not come to its end: what stopped it, in words.
     pub(crate) fn stopped(&self) -> (Ending, &'static str) {
-        if SHOULD_STOP.load(SeqCst) {
-            WHY[usize::from(REASON.load(SeqCst))]
-        } else {
-            // Nothing asked it to stop: there was no room for what comes next.
-            WHY[usize::from(MEMORY)]
-        }
+        stopped_by()
     }
 
     /// The phase that was begun last.
@@ -237,6 +246,27 @@ impl Watch {
         }
         (seconds, self.started.elapsed().as_secs_f64())
     }
+}
+
+/// What stopped the work, in words, and how the run ends.
+pub(crate) fn stopped_by() -> (Ending, &'static str) {
+    if SHOULD_STOP.load(SeqCst) {
+        WHY[usize::from(REASON.load(SeqCst))]
+    } else {
+        // Nothing asked it to stop: there was no room for what comes next.
+        WHY[usize::from(MEMORY)]
+    }
+}
+
+/// From now on the scene is there, and with it something to write: what comes is asked to
+/// stop.
+pub(crate) fn scene_is_there() {
+    STATE.store(WORKING, SeqCst);
+}
+
+/// Is the work to end with what there is?
+pub(crate) fn is_stop_wanted() -> bool {
+    SHOULD_STOP.load(SeqCst)
 }
 
 /// From now on there is something to write if the work is stopped, by the caller.

@@ -14,6 +14,7 @@ pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
     let generator = render.meshing.generator()?;
     let formats = output::formats(&render.output, &[Format::Png, Format::Svg])?;
     let loaded = input::load(common)?;
+    input::spare(&render.output)?;
     let work = if render.direct {
         Work::Mesh
     } else {

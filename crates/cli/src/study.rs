@@ -25,6 +25,7 @@ pub(crate) fn run(args: &Arguments) -> Result<Ending, Failure> {
     }
     let formats = output::formats(&args.output, &output::STUDIES)?;
     let loaded = input::load(common)?;
+    input::spare(&args.output)?;
     let watch = Watch::new(common);
     let options = StudyOptions {
         degrees: once(&args.degrees),

@@ -141,6 +141,8 @@ pub struct FactorTable {
     pub values: Vec<f64>,
     /// Estimated errors of the factors, in the same order.
     pub errors: Vec<f64>,
+    /// In the same order: was this factor not computed? Empty if all were.
+    pub missing: Vec<bool>,
     /// Were the rows scaled to sum up to 1?
     pub is_repaired: bool,
     /// Do the surfaces enclose a volume?
@@ -156,9 +158,38 @@ impl FactorTable {
         self.values.chunks(self.names.len().max(1))
     }
 
-    /// The sums of the rows.
+    /// The factors from one surface to all, row by row; nothing where one is missing.
+    pub fn known_rows(&self) -> impl Iterator<Item = Vec<Option<f64>>> {
+        self.known(&self.values)
+    }
+
+    /// Their errors, in the same way.
+    pub fn known_errors(&self) -> impl Iterator<Item = Vec<Option<f64>>> {
+        self.known(&self.errors)
+    }
+
+    fn known<'a>(&'a self, values: &'a [f64]) -> impl Iterator<Item = Vec<Option<f64>>> + 'a {
+        let n = self.names.len().max(1);
+        let is_missing = |k: usize| self.missing.get(k).is_some_and(|&missing| missing);
+        values.chunks(n).enumerate().map(move |(i, row)| {
+            let known = row.iter().enumerate();
+            known
+                .map(|(j, &value)| (!is_missing(i * n + j)).then_some(value))
+                .collect()
+        })
+    }
+
+    /// How many factors are missing.
     #[must_use]
-    pub fn row_sums(&self) -> Vec<f64> {
-        self.rows().map(|row| row.iter().sum()).collect()
+    pub fn n_missing(&self) -> usize {
+        self.missing.iter().filter(|&&missing| missing).count()
+    }
+
+    /// The sums of the rows; nothing where a factor of the row is missing.
+    #[must_use]
+    pub fn row_sums(&self) -> Vec<Option<f64>> {
+        self.known_rows()
+            .map(|row| row.into_iter().sum::<Option<f64>>())
+            .collect()
     }
 }

@@ -24,6 +24,7 @@ use crate::scene::{
     Edge, Face, FaceId, Frame, Material, MaterialId, Piece, PlaneId, Scene, Surface, SurfaceId,
     VertexId,
 };
+use antumbra_geom::Stop;
 use covered::{Part, Sheet};
 use glam::DVec3;
 use outline::Polygon;
@@ -46,6 +47,24 @@ impl Scene {
     /// All problems, warnings included, in the order of the surfaces (materials
     /// first, the scene as a whole last), if at least one is an error.
     pub fn build(input: &SceneInput) -> Result<Built, Vec<Problem>> {
+        Self::build_or_stop(input, Stop::NEVER)
+    }
+
+    /// The same, unless it is stopped: then nothing, for some of the surfaces are no
+    /// scene.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::build`].
+    #[must_use]
+    pub fn build_until(input: &SceneInput, stop: Stop<'_>) -> Option<Result<Built, Vec<Problem>>> {
+        let built = Self::build_or_stop(input, stop);
+        // What was begun and is not done has holes that look like findings.
+        (!stop.is_wanted()).then_some(built)
+    }
+
+    /// What is found after a stop means nothing.
+    fn build_or_stop(input: &SceneInput, stop: Stop<'_>) -> Result<Built, Vec<Problem>> {
         let mut findings = Findings::default();
         check_names(input, &mut findings);
         let (materials, n_bands) = materials::check(input, &mut findings);
@@ -71,8 +90,12 @@ impl Scene {
             .iter()
             .zip(&welded.loops)
             .enumerate()
+            .take_while(|_| !stop.is_wanted())
             .map(|(s, (surface, loops))| shaper.polygons(s, &surface.name, loops))
             .collect();
+        if stop.is_wanted() {
+            return Err(Vec::new());
+        }
         if findings.no_errors() && polygons.iter().all(Vec::is_empty) {
             findings.error(
                 Findings::SCENE,
@@ -83,6 +106,9 @@ impl Scene {
         }
 
         let mut vertices = keep_used(&welded.vertices, &mut polygons);
+        if stop.is_wanted() {
+            return Err(Vec::new());
+        }
         for (s, off, n) in settle::onto_planes(&mut vertices, &mut polygons, extent) {
             let name = &input.surfaces[s].name;
             findings.warning(
@@ -107,8 +133,12 @@ impl Scene {
             vertices: &mut vertices,
             planes: &planes,
             extent,
+            stop,
         };
         let (parts, undivided) = sheets.parts(input.surfaces.len());
+        if stop.is_wanted() {
+            return Err(Vec::new());
+        }
         for pair in undivided {
             findings.not_divided(pair.map(|s| input.surfaces[s].name.clone()));
         }
@@ -150,7 +180,7 @@ impl Scene {
         if scene.materials.len() == input.materials.len()
             && material_ids.iter().all(Option::is_some)
         {
-            overlap::check(&scene, &mut findings);
+            overlap::check(&scene, &mut findings, stop);
             if findings.no_errors() && scene.emitters().next().is_none() {
                 findings.warning(
                     Findings::SCENE,

@@ -31,6 +31,7 @@ use crate::build::short;
 use crate::bvh::Aabb;
 use crate::problem::{Problem, Severity};
 use crate::scene::{Scene, SurfaceId};
+use antumbra_geom::Stop;
 use glam::DVec3;
 use joints::{Component, Joints};
 use std::collections::BTreeMap;
@@ -123,7 +124,7 @@ impl Scene {
     /// first surfaces.
     #[must_use]
     pub fn open_rooms(&self) -> Vec<OpenRoom> {
-        let joints = Joints::new(self);
+        let joints = Joints::new(self, Stop::NEVER);
         let components = joints.components();
         let loose = joints.without_partners();
         let rooms = components.iter().map(|c| open(&joints, &loose, c));
@@ -133,14 +134,29 @@ impl Scene {
     /// What is wrong with rooms: surfaces that face the wrong way, and rooms that are open.
     #[must_use]
     pub fn room_problems(&self) -> Vec<Problem> {
-        let joints = Joints::new(self);
+        self.rooms_or_stop(Stop::NEVER)
+    }
+
+    /// The same, unless it is stopped: then nothing, for what is not looked at may lie
+    /// beside what is.
+    #[must_use]
+    pub fn room_problems_until(&self, stop: Stop<'_>) -> Option<Vec<Problem>> {
+        let problems = self.rooms_or_stop(stop);
+        (!stop.is_wanted()).then_some(problems)
+    }
+
+    /// What is found after a stop means nothing.
+    fn rooms_or_stop(&self, stop: Stop<'_>) -> Vec<Problem> {
+        let joints = Joints::new(self, stop);
+        if stop.is_wanted() {
+            return Vec::new();
+        }
         let components = joints.components();
         let loose = joints.without_partners();
         let middles = flipped::Middles::default();
-        let flipped = components
-            .iter()
-            .flat_map(|c| flipped::find(&joints, &middles, c));
-        let open = components.iter().filter_map(|c| open(&joints, &loose, c));
+        let going_on = || components.iter().take_while(|_| !stop.is_wanted());
+        let flipped = going_on().flat_map(|c| flipped::find(&joints, &middles, c));
+        let open = going_on().filter_map(|c| open(&joints, &loose, c));
         let mut problems: Vec<Problem> = flipped.collect();
         problems.extend(open.map(|room| room.problem(self)));
         problems
@@ -160,6 +176,9 @@ fn open(
     let mut rim: BTreeMap<SurfaceId, f64> = BTreeMap::new();
     let mut beside: BTreeMap<SurfaceId, f64> = BTreeMap::new();
     for stretch in joints.of(component) {
+        if joints.stop.is_wanted() {
+            return None;
+        }
         whole += joints.length(stretch);
         for run in &stretch.runs {
             if let Some(&share) = loose.get(&run.surface) {

@@ -260,6 +260,7 @@ pub fn critical_curves_until(
 ///   [`antumbra_scene::Scene::pieces`], ascending: from [`Evaluator::between`] or
 ///   [`Evaluator::narrow`].
 /// * `contact_radius` — gaps smaller than this count as contact; scene units.
+/// * `stop` — nothing if it was stopped.
 #[must_use]
 pub fn critical_curves_between(
     evaluator: &Evaluator<'_>,
@@ -268,13 +269,17 @@ pub fn critical_curves_between(
     occluders: Vec<u32>,
     kinds: EventKinds,
     contact_radius: f64,
-) -> Vec<CriticalCurve> {
-    let mut tracer = Tracer::new(evaluator, receiver, contact_radius, Stop::NEVER);
+    stop: Stop<'_>,
+) -> Option<Vec<CriticalCurve>> {
+    let mut tracer = Tracer::new(evaluator, receiver, contact_radius, stop);
     tracer.jumps = Jumps::Unknown;
     tracer.emitter_behind(emitter, occluders, kinds);
+    if stop.is_wanted() {
+        return None;
+    }
     let mut curves = tracer.result.curves;
     sort(&mut curves);
-    curves
+    Some(curves)
 }
 
 /// Sorts curves by their generators, then by where they are.

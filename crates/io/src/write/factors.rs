@@ -8,7 +8,8 @@ use std::io::{Error, ErrorKind, Result, Write};
 /// Writes CSV: `surface,area,row_sum` and the names, then a row for every surface:
 /// its factors to all.
 ///
-/// Row sums are those of the factors as they stand in the row.
+/// Row sums are those of the factors as they stand in the row. Factors that are missing
+/// are empty, and so is the sum of their row.
 ///
 /// # Errors
 ///
@@ -20,17 +21,18 @@ pub fn write_csv(table: &FactorTable, out: &mut impl Write) -> Result<()> {
         write!(out, ",{}", quoted(name))?;
     }
     writeln!(out)?;
-    for (i, row) in table.rows().enumerate() {
-        let sum: f64 = row.iter().sum();
+    let word = |value: Option<f64>| value.map_or(String::new(), digits);
+    let sums = table.row_sums();
+    for (i, row) in table.known_rows().enumerate() {
         write!(
             out,
             "{},{},{}",
             quoted(&table.names[i]),
             digits(table.areas[i]),
-            digits(sum)
+            word(sums[i])
         )?;
-        for &value in row {
-            write!(out, ",{}", digits(value))?;
+        for value in row {
+            write!(out, ",{}", word(value))?;
         }
         writeln!(out)?;
     }
@@ -57,12 +59,13 @@ struct Document<'a> {
     repaired: bool,
     surfaces: &'a [String],
     areas: &'a [f64],
-    row_sums: Vec<f64>,
-    factors: Vec<&'a [f64]>,
-    errors: Vec<&'a [f64]>,
+    row_sums: Vec<Option<f64>>,
+    factors: Vec<Vec<Option<f64>>>,
+    errors: Vec<Vec<Option<f64>>>,
 }
 
-/// Writes JSON: the factors from surface `i` to all are `factors[i]`.
+/// Writes JSON: the factors from surface `i` to all are `factors[i]`, `null` where they
+/// are missing.
 ///
 /// # Errors
 ///
@@ -77,8 +80,8 @@ pub fn write_json(table: &FactorTable, out: &mut impl Write) -> Result<()> {
         surfaces: &table.names,
         areas: &table.areas,
         row_sums: table.row_sums(),
-        factors: table.rows().collect(),
-        errors: table.errors.chunks(table.names.len().max(1)).collect(),
+        factors: table.known_rows().collect(),
+        errors: table.known_errors().collect(),
     };
     serde_json::to_writer(&mut *out, &document)?;
     writeln!(out)
@@ -90,9 +93,17 @@ pub fn write_json(table: &FactorTable, out: &mut impl Write) -> Result<()> {
 ///
 /// # Errors
 ///
-/// `InvalidData` if the table does not fit together; otherwise what `out` reports.
+/// `InvalidData` if the table does not fit together, or if factors are missing, for which
+/// the format has no word; otherwise what `out` reports.
 pub fn write_view3d(table: &FactorTable, out: &mut impl Write) -> Result<()> {
     check(table)?;
+    let missing = table.n_missing();
+    if missing > 0 {
+        let message = format!(
+            "{missing} form factors were not computed, and the text of View3D has no word for that"
+        );
+        return Err(Error::new(ErrorKind::InvalidData, message));
+    }
     let n = table.names.len();
     writeln!(out, "View3D 3.3 0 {} 1 {n}", u8::from(table.is_closed))?;
     let line = |values: &[f64]| {
@@ -111,7 +122,8 @@ fn check(table: &FactorTable) -> Result<()> {
     let fits = table.areas.len() == n
         && table.emissivities.len() == n
         && table.values.len() == n * n
-        && table.errors.len() == n * n;
+        && table.errors.len() == n * n
+        && (table.missing.is_empty() || table.missing.len() == n * n);
     if !fits {
         let message = format!("a matrix of form factors of {n} surfaces does not fit together");
         return Err(Error::new(ErrorKind::InvalidData, message));
@@ -179,6 +191,25 @@ mod tests {
         let text = text(write_view3d);
         assert!(text.starts_with("View3D 3.3 0 0 1 2\n"), "{text}");
         assert_eq!(text.lines().count(), 5);
+    }
+
+    #[test]
+    fn a_missing_factor_is_no_zero() {
+        let mut table = table();
+        table.missing = vec![false, true, false, false];
+        let mut out = Vec::new();
+        write_csv(&table, &mut out).unwrap();
+        let csv = String::from_utf8(out).unwrap();
+        assert!(csv.contains("\na,1.0000000000000000e0,,0,\n"), "{csv}");
+        let mut out = Vec::new();
+        write_json(&table, &mut out).unwrap();
+        let json: serde_json::Value = serde_json::from_slice(&out).unwrap();
+        assert!(json["factors"][0][1].is_null() && json["errors"][0][1].is_null());
+        assert!(json["row_sums"][0].is_null() && json["row_sums"][1] == 0.1);
+        let mut out = Vec::new();
+        let refused = write_view3d(&table, &mut out).unwrap_err();
+        assert!(refused.to_string().contains("1 form factors"), "{refused}");
+        assert!(out.is_empty());
     }
 
     #[test]

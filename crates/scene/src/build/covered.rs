@@ -13,7 +13,7 @@ use super::outline::{Polygon, smallest_width, width};
 use super::overlap::overlap_area;
 use crate::bvh::{Aabb, BoxTree};
 use crate::scene::{PlaneId, Scene};
-use antumbra_geom::{Chart, DVec2, DVec3, Plane, point_in_polygon};
+use antumbra_geom::{Chart, DVec2, DVec3, Plane, Stop, point_in_polygon};
 use divide::Division;
 use std::collections::BTreeMap;
 use turn::Turn;
@@ -47,6 +47,8 @@ pub(super) struct Sheets<'a> {
     pub(super) planes: &'a [Plane],
     pub(super) extent: f64,
     pub(super) list: Vec<Sheet>,
+    /// Nobody looks at what is found after a stop.
+    pub(super) stop: Stop<'a>,
 }
 
 /// A polygon of a surface, before anything is covered.
@@ -123,6 +125,9 @@ impl Sheets<'_> {
         let mut undivided = Vec::new();
         let mut divided: BTreeMap<Side, Vec<(Polygon, bool)>> = BTreeMap::new();
         for pairs in clusters(&pairs) {
+            if self.stop.is_wanted() {
+                break;
+            }
             match self.divide(&pairs) {
                 Some(parts) => divided.extend(parts),
                 None => undivided.extend(pairs.iter().map(|pair| {
@@ -189,6 +194,9 @@ impl Sheets<'_> {
     fn decided(&self, candidates: &[[Side; 2]], patches: &Patches, turn: &Turn) -> Vec<[Side; 2]> {
         let mut claims: BTreeMap<usize, Claim> = BTreeMap::new();
         for side in candidates.iter().flatten() {
+            if self.stop.is_wanted() {
+                return Vec::new();
+            }
             let patch = patches.of[side];
             claims
                 .entry(patch)
@@ -235,6 +243,9 @@ impl Sheets<'_> {
             .collect();
         let tree = BoxTree::new(&boxes);
         for &(i, query) in &boxes {
+            if self.stop.is_wanted() {
+                return;
+            }
             let mut near = Vec::new();
             tree.visit(|b| b.meets(&query), |j| near.push(j));
             near.retain(|&j| j > i && boxes[j as usize].1.meets(&query));

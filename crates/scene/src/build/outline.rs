@@ -409,7 +409,8 @@ impl Shaper<'_> {
         let length = (far - first).length();
         // A quotient, not a product with the inverse: exactly unit along an axis.
         if newell.length() > 1e-6 * width * length {
-            return newell / newell.length() + DVec3::ZERO;
+            let normal = newell / newell.length() + DVec3::ZERO;
+            return self.without_cancellation(positions, normal);
         }
         let cross = positions
             .iter()
@@ -417,6 +418,38 @@ impl Shaper<'_> {
             .max_by(|a, b| a.length().total_cmp(&b.length()))
             .unwrap_or(DVec3::Z);
         cross / cross.length()
+    }
+
+    /// The normal of a long and narrow outline, in which products of two long vectors
+    /// cancel: their rounding turns the plane about its width, and lifts far ends off it.
+    /// Where corners are farther off it than their own rounding, and products with the
+    /// shortest edges of triangles say that they need not be, that is the normal.
+    fn without_cancellation(&self, positions: &[DVec3], normal: DVec3) -> DVec3 {
+        let off = |normal: DVec3| {
+            let heights = positions
+                .iter()
+                .map(|&p| normal.dot(p - positions[0]).abs());
+            heights.fold(0.0, f64::max)
+        };
+        let found = off(normal);
+        if found <= Scene::ROUNDING * self.extent {
+            return normal;
+        }
+        let doubled = |w: &[DVec3]| {
+            let sides = [w[0] - positions[0], w[1] - w[0], positions[0] - w[1]];
+            let longest = (1..3).fold(0, |most, k| {
+                let is_longer = sides[k].length_squared() > sides[most].length_squared();
+                if is_longer { k } else { most }
+            });
+            sides[(longest + 1) % 3].cross(sides[(longest + 2) % 3])
+        };
+        let sum: DVec3 = positions.windows(2).skip(1).map(doubled).sum();
+        let better = sum / sum.length() + DVec3::ZERO;
+        if off(better) < 0.5 * found {
+            better
+        } else {
+            normal
+        }
     }
 
     /// The corner nearest to the middle of all heights, and half their range.

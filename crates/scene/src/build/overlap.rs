@@ -4,7 +4,7 @@ use super::{Findings, Units};
 use crate::bvh::{Aabb, BoxTree};
 use crate::problem::{Problem, Severity};
 use crate::scene::{FaceId, Scene, SurfaceId, VertexId};
-use antumbra_geom::{DVec2, bounding_box, signed_area};
+use antumbra_geom::{DVec2, Stop, bounding_box, signed_area};
 use std::collections::BTreeMap;
 
 /// Overlaps smaller than this part of the smaller face are rounding.
@@ -19,7 +19,7 @@ struct Overlap {
 }
 
 /// Reports overlaps: of two emitters an error, else a warning.
-pub(super) fn check(scene: &Scene, findings: &mut Findings) {
+pub(super) fn check(scene: &Scene, findings: &mut Findings, stop: Stop<'_>) {
     let mut groups: BTreeMap<(u32, bool), Vec<FaceId>> = BTreeMap::new();
     // What is covered has no light to count twice.
     for f in scene.face_ids().filter(|&f| !scene.face(f).is_covered) {
@@ -31,7 +31,7 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     }
     let mut overlaps: BTreeMap<(SurfaceId, SurfaceId), Overlap> = BTreeMap::new();
     for faces in groups.values().filter(|faces| faces.len() > 1) {
-        overlaps_in(scene, faces, &mut overlaps);
+        overlaps_in(scene, faces, &mut overlaps, stop);
     }
     let units = Units {
         frame: scene.frame,
@@ -46,6 +46,7 @@ fn overlaps_in(
     scene: &Scene,
     faces: &[FaceId],
     overlaps: &mut BTreeMap<(SurfaceId, SurfaceId), Overlap>,
+    stop: Stop<'_>,
 ) {
     let chart = scene.chart(faces[0]);
     let flat = |corners: &[VertexId]| -> Vec<DVec2> {
@@ -81,6 +82,9 @@ fn overlaps_in(
     let tree = BoxTree::new(&boxes);
     let box_of = |i: usize| boxes[firsts.partition_point(|&first| first < i)].1;
     for (i, query) in &boxes {
+        if stop.is_wanted() {
+            return;
+        }
         let mut near = Vec::new();
         tree.visit(|b| b.meets(query), |j| near.push(j));
         near.sort_unstable();

@@ -2,7 +2,7 @@
 
 use crate::bvh::{Aabb, BoxTree};
 use crate::scene::{Face, FaceId, Scene, SurfaceId};
-use antumbra_geom::{DVec2, point_in_polygon};
+use antumbra_geom::{DVec2, Stop, point_in_polygon};
 use glam::DVec3;
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -38,6 +38,8 @@ pub(super) struct Stretch {
 pub(super) struct Joints<'a> {
     pub(super) scene: &'a Scene,
     pub(super) tolerance: f64,
+    /// Nobody looks at what is found after a stop.
+    pub(super) stop: Stop<'a>,
     corners: Vec<DVec3>,
     /// Sorted by their corners.
     stretches: Vec<Stretch>,
@@ -65,12 +67,13 @@ pub(super) struct Shell {
 }
 
 impl<'a> Joints<'a> {
-    pub(super) fn new(scene: &'a Scene) -> Self {
+    pub(super) fn new(scene: &'a Scene, stop: Stop<'a>) -> Self {
         let tolerance = JOINED * scene.extent;
         let (corners, corner_of) = joined(&scene.vertices, tolerance);
         let mut joints = Self {
             scene,
             tolerance,
+            stop,
             corners,
             stretches: Vec::new(),
             stretches_of: vec![Vec::new(); scene.surfaces.len()],
@@ -78,6 +81,9 @@ impl<'a> Joints<'a> {
         };
         let edges = edges_of_fronts(scene, &corner_of);
         let on_edges = joints.corners_on(edges.iter().map(|(edge, _)| *edge));
+        if stop.is_wanted() {
+            return joints;
+        }
         let mut runs: Vec<([u32; 2], Run)> = Vec::new();
         for (edge, run) in edges {
             let mut from = edge[0];
@@ -118,7 +124,7 @@ impl<'a> Joints<'a> {
             .collect();
         let tree = BoxTree::new(&boxes);
         let mut on_edges = BTreeMap::new();
-        for edge in edges {
+        for edge in edges.take_while(|_| !self.stop.is_wanted()) {
             on_edges.entry(edge).or_insert_with(|| {
                 let [a, b] = edge.map(|c| self.corners[c as usize]);
                 let along = b - a;
@@ -179,6 +185,7 @@ impl<'a> Joints<'a> {
     fn set_loose_aside(&mut self) {
         let share = |joints: &Self, s: usize| {
             joints.share(s, |stretch| match joints.ends_free(stretch) {
+                Some(_) if joints.stop.is_wanted() => 0.0,
                 Some(_) => joints
                     .free(stretch)
                     .iter()
@@ -194,6 +201,7 @@ impl<'a> Joints<'a> {
             .collect();
         while let Some(&(largest, _)) = order.last()
             && f64::from_bits(largest) > LOOSE
+            && !self.stop.is_wanted()
         {
             // The loosest go first: a pane in a window leaves its wall joined.
             let least = LOOSE.max(f64::from_bits(largest) - LOOSE_TOGETHER);

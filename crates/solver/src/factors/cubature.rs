@@ -100,7 +100,7 @@ impl Estimate {
         }
     }
 
-    fn add(&mut self, other: Self) {
+    pub(crate) fn add(&mut self, other: Self) {
         self.value += other.value;
         self.error += other.error;
     }

@@ -1,6 +1,6 @@
 //! The matrix of form factors: sums, reciprocity, repair.
 
-use crate::factors::Entry;
+use crate::factors::Row;
 use antumbra_scene::Scene;
 
 /// Form factors between the surfaces of a scene, as computed: nothing is normalised.
@@ -19,9 +19,11 @@ pub struct FormFactors {
     pub reciprocity: Reciprocity,
     /// Exact evaluations, of all pairs.
     pub evaluations: u64,
-    /// Pairs of faces that were left out when the work was stopped: their factors
-    /// are missing from the matrix, and may be anything.
+    /// Pairs of faces that were left out when the work was stopped.
     pub left_out: usize,
+    /// In the order of the values: is a part of this factor missing, so that its value
+    /// says nothing? It is 0 then, and its error 1. Empty if nothing was left out.
+    pub missing: Vec<bool>,
 }
 
 /// How well `A_i F_ij` and `A_j F_ji` agree where both were computed by integrals of
@@ -74,15 +76,16 @@ pub(crate) const REPAIRABLE: f64 = 0.01;
 const MOST_STEPS: usize = 200;
 
 impl FormFactors {
-    pub(super) fn assemble(scene: &Scene, areas: &[f64], entries: &[Entry]) -> Self {
+    pub(super) fn assemble(scene: &Scene, areas: &[f64], rows: &[Row]) -> Self {
         let n = areas.len();
+        let entries = || rows.iter().flat_map(|row| &row.entries);
         let mut values = vec![0.0; n * n];
         let mut errors = vec![0.0; n * n];
         let mut reciprocity = Reciprocity {
-            pairs: entries.len(),
+            pairs: entries().count(),
             ..Reciprocity::default()
         };
-        for entry in entries {
+        for entry in entries() {
             let [s, t] = entry.faces.map(|face| scene.face(face).surface.index());
             for (i, j) in [(s, t), (t, s)] {
                 values[i * n + j] += entry.exchange.value / areas[i];
@@ -93,15 +96,76 @@ impl FormFactors {
                 reciprocity.add(difference / areas[s].min(areas[t]), [s, t]);
             }
         }
-        Self {
+        let left_out = rows.iter().map(|row| row.left_out.len()).sum();
+        let mut missing = vec![false; if left_out > 0 { n * n } else { 0 }];
+        for row in rows {
+            for other in &row.left_out {
+                let [s, t] = [row.face, *other].map(|face| scene.face(face).surface.index());
+                for k in [s * n + t, t * n + s] {
+                    missing[k] = true;
+                    (values[k], errors[k]) = (0.0, 1.0);
+                }
+            }
+        }
+        let mut matrix = Self {
             names: scene.surfaces.iter().map(|s| s.name.clone()).collect(),
             areas: areas.iter().map(|&a| scene.frame.area_to_file(a)).collect(),
             values,
             errors,
             reciprocity,
-            evaluations: entries.iter().map(|e| e.exchange.evaluations).sum(),
-            left_out: entries.iter().filter(|e| e.is_left_out).count(),
+            evaluations: entries().map(|e| e.exchange.evaluations).sum(),
+            left_out,
+            missing,
+        };
+        if scene.report().closed {
+            let mut is_integrated = vec![false; n * n];
+            for entry in entries().filter(|e| e.exchange.evaluations > 0) {
+                let [s, t] = entry.faces.map(|face| scene.face(face).surface.index());
+                is_integrated[s * n + t] = true;
+                is_integrated[t * n + s] = true;
+            }
+            matrix.hear_row_sums(&is_integrated);
         }
+        matrix
+    }
+
+    /// In a closed scene a row whose sum is off from 1 by more than all its errors shows
+    /// that one of them is too small. Which one it does not say: each factor of the row
+    /// that was integrated, both ways, may be off by that as well.
+    ///
+    /// Rows that are farther off than any error are those of surfaces outside.
+    fn hear_row_sums(&mut self, is_integrated: &[bool]) {
+        let n = self.n();
+        let mut raised: Vec<(usize, f64)> = Vec::new();
+        for (i, sum) in self.row_sums().into_iter().enumerate() {
+            let off = (sum - 1.0).abs();
+            let claimed: f64 = self.errors[i * n..(i + 1) * n].iter().sum();
+            if !self.is_complete(i) || off <= claimed || off > REPAIRABLE {
+                continue;
+            }
+            let row = i * n..(i + 1) * n;
+            for k in row.filter(|&k| is_integrated[k]) {
+                let j = k - i * n;
+                raised.push((k, off));
+                raised.push((j * n + i, off * self.areas[i] / self.areas[j]));
+            }
+        }
+        for (k, off) in raised {
+            self.errors[k] += off;
+        }
+    }
+
+    /// Is every factor from this surface known? None is missing unless the work was
+    /// stopped.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such surface.
+    #[must_use]
+    pub fn is_complete(&self, from: usize) -> bool {
+        let n = self.n();
+        assert!(from < n, "surface {from} of {n}");
+        self.missing.is_empty() || !self.missing[from * n..(from + 1) * n].contains(&true)
     }
 
     /// How many surfaces there are.
@@ -131,19 +195,20 @@ impl FormFactors {
         &self.values[from * self.n()..(from + 1) * self.n()]
     }
 
-    /// The sum of every row, as it is: 1 in a closed scene, up to errors.
+    /// The sum of every row, as it is: 1 in a closed scene, up to errors, if it is
+    /// [complete](Self::is_complete).
     #[must_use]
     pub fn row_sums(&self) -> Vec<f64> {
         (0..self.n()).map(|i| self.row(i).iter().sum()).collect()
     }
 
     /// The row sum farthest from 1: of which surface, and the sum. Surfaces that see
-    /// nothing, such as the bottom of a box on the floor, are passed over; `None` if
-    /// all are such.
+    /// nothing, such as the bottom of a box on the floor, are passed over, and rows of
+    /// which factors are missing; `None` if all are such.
     #[must_use]
     pub fn closure(&self) -> Option<(usize, f64)> {
         let sums = self.row_sums().into_iter().enumerate();
-        sums.filter(|&(_, sum)| sum > 0.0)
+        sums.filter(|&(i, sum)| sum > 0.0 && self.is_complete(i))
             .max_by(|a, b| (a.1 - 1.0).abs().total_cmp(&(b.1 - 1.0).abs()))
     }
 
@@ -162,16 +227,21 @@ impl FormFactors {
     ///
     /// # Errors
     ///
-    /// [`NotClosed`] if a row is farther from 1 than 0.01; nothing is changed then.
+    /// [`NotClosed`] if a row is farther from 1 than 0.01, or factors of it are missing;
+    /// nothing is changed then.
     ///
     /// # Source
     ///
     /// Sinkhorn & Knopp 1967, symmetric: each step takes the square root of what a
     /// row lacks (Knight, Ruiz & Uçar 2014).
     pub fn repair(&mut self) -> Result<Repair, NotClosed> {
-        if let Some((worst, row_sum)) = self.closure()
-            && (row_sum - 1.0).abs() > REPAIRABLE
-        {
+        let sums = self.row_sums();
+        let incomplete = (0..self.n()).find(|&i| !self.is_complete(i));
+        let farthest = || {
+            self.closure()
+                .filter(|(_, sum)| (sum - 1.0).abs() > REPAIRABLE)
+        };
+        if let Some((worst, row_sum)) = incomplete.map(|i| (i, sums[i])).or_else(farthest) {
             return Err(NotClosed {
                 surface: self.names[worst].clone(),
                 row_sum,
@@ -244,7 +314,27 @@ mod tests {
             reciprocity: Reciprocity::default(),
             evaluations: 0,
             left_out: 0,
+            missing: Vec::new(),
         }
+    }
+
+    #[test]
+    fn a_row_that_is_off_by_more_than_it_claims_raises_the_claims() {
+        let mut matrix = nearly_closed();
+        matrix.errors = vec![1e-3; 9];
+        let before = matrix.errors.clone();
+        matrix.hear_row_sums(&[true; 9]);
+        assert_eq!(matrix.errors, before, "the claims hold what is missing");
+        matrix.errors = vec![1e-9; 9];
+        let mut is_integrated = [false; 9];
+        (is_integrated[1], is_integrated[3]) = (true, true);
+        let off: Vec<f64> = matrix.row_sums().iter().map(|s| (s - 1.0).abs()).collect();
+        matrix.hear_row_sums(&is_integrated);
+        assert!(matrix.errors[1] >= off[0] && matrix.errors[3] >= off[1]);
+        // Both ways, and only what was integrated.
+        let both = [1, 3].map(|k: usize| matrix.areas[k / 3] * matrix.errors[k]);
+        assert!((both[0] - both[1]).abs() < 1e-8, "{both:?}");
+        assert_eq!(matrix.errors[2], 1e-9);
     }
 
     #[test]

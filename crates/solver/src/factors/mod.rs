@@ -2,11 +2,12 @@
 //!
 //! `F` from one surface to another is the fraction of what leaves the one, diffuse
 //! and uniform, that arrives at the other. Pairs with nothing between have a closed
-//! form (`contour`). For the others the exact factor from a point is integrated over
+//! form (`contour`, and `apart` where that loses digits). For the others the exact factor from a point is integrated over
 //! one of the two (`pair`), on cells bounded by the critical curves of the pair
 //! (`cells`), so that adaptive cubature (`cubature`) sees smooth pieces and cannot
 //! miss a feature that is smaller than the distance of its points.
 
+mod apart;
 mod cells;
 mod contour;
 mod cubature;
@@ -15,9 +16,10 @@ mod pair;
 
 pub use matrix::{FormFactors, NotClosed, Reciprocity, Repair};
 
+use antumbra_geom::Stop;
 use antumbra_scene::{FaceId, Scene, Surface};
 use antumbra_visibility::{
-    CriticalCurve, Evaluator, EventKind, EventKinds, Scratch, critical_curves,
+    CriticalCurve, Evaluator, EventKind, EventKinds, Scratch, critical_curves_until,
 };
 use cubature::{Goal, Rule};
 use pair::{CONTACT, Exchange, Pair, Work};
@@ -86,19 +88,34 @@ pub fn form_factors(
         .into_par_iter()
         .map(|face| {
             let kinds = EventKinds::NONE.with(EventKind::Contact);
-            critical_curves(evaluator, FaceId(face), kinds, CONTACT * scene.extent).curves
+            let radius = CONTACT * scene.extent;
+            // Where they are missing, no pair is computed either.
+            critical_curves_until(
+                evaluator,
+                FaceId(face),
+                kinds,
+                radius,
+                Stop::new(should_stop),
+            )
+            .unwrap_or_default()
+            .curves
         })
         .collect();
     let areas = surface_areas(scene);
     let n_pairs = (n as usize * (n as usize).saturating_sub(1) / 2).max(1);
     let n_done = AtomicUsize::new(0);
     let one = |a: FaceId, b: FaceId, scratch: &mut Scratch| {
-        let pair = Pair::new(evaluator, a, b)?;
+        if !may_exchange(scene, a, b) {
+            return Outcome::Nothing;
+        }
+        if should_stop() {
+            return Outcome::LeftOut(b);
+        }
+        let Some(pair) = Pair::new(evaluator, a, b) else {
+            return Outcome::Nothing;
+        };
         let [s, t] = [a, b].map(|face| scene.face(face).surface.index());
         let smaller = areas[s].min(areas[t]);
-        if should_stop() {
-            return Some(Entry::left_out(a, b, smaller));
-        }
         let [faces_s, faces_t] = [s, t].map(|s| scene.surfaces[s].faces.len() as f64);
         let goal = Goal {
             error: options.tolerance * smaller / (faces_s * faces_t),
@@ -111,7 +128,9 @@ pub fn form_factors(
             contacts: &contacts,
             scratch,
         };
-        let there = pair.exchange(pair.better(), &mut work, &goal);
+        let Some(there) = pair.exchange(pair.better(), &mut work, &goal) else {
+            return Outcome::LeftOut(b);
+        };
         let is_cheap = there.evaluations <= CHEAP;
         let back = (is_cheap && is_checked(a, b, n_pairs)).then(|| {
             let goal = Goal {
@@ -121,22 +140,76 @@ pub fn form_factors(
             };
             pair.exchange(1 - pair.better(), &mut work, &goal)
         });
-        Some(Entry::new(a, b, there, back))
+        Outcome::Done(Entry::new(a, b, there, back.flatten()))
     };
-    let row = |a: u32| -> Vec<Entry> {
+    let row = |a: u32| -> Row {
+        if should_stop() {
+            return Row::left_out(scene, FaceId(a));
+        }
         let pairs = (a + 1..n).into_par_iter().with_max_len(16);
-        let entries = pairs.map_init(Scratch::default, |scratch, b| {
-            let entry = one(FaceId(a), FaceId(b), scratch);
+        let outcomes = pairs.map_init(Scratch::default, |scratch, b| {
+            let outcome = one(FaceId(a), FaceId(b), scratch);
             let done = n_done.fetch_add(1, Ordering::Relaxed);
-            if entry.is_some() {
+            if matches!(outcome, Outcome::Done(_)) {
                 progress(done as f64 / n_pairs as f64);
             }
-            entry
+            outcome
         });
-        entries.flatten_iter().collect()
+        Row::new(FaceId(a), outcomes.collect())
     };
-    let entries: Vec<Vec<Entry>> = (0..n).into_par_iter().map(row).collect();
-    FormFactors::assemble(scene, &areas, &entries.concat())
+    let rows: Vec<Row> = (0..n).into_par_iter().map(row).collect();
+    FormFactors::assemble(scene, &areas, &rows)
+}
+
+/// May two faces see each other, for all that their planes say?
+fn may_exchange(scene: &Scene, a: FaceId, b: FaceId) -> bool {
+    let [a, b] = [scene.face(a), scene.face(b)];
+    a.plane != b.plane && !a.is_covered && !b.is_covered
+}
+
+/// What became of a pair.
+enum Outcome {
+    /// No point of one front sees the other.
+    Nothing,
+    Done(Entry),
+    /// The work was stopped before anything was known of the face and this one.
+    LeftOut(FaceId),
+}
+
+/// The pairs of a face with those after it.
+struct Row {
+    face: FaceId,
+    entries: Vec<Entry>,
+    /// Faces whose pairs with this one were left out.
+    left_out: Vec<FaceId>,
+}
+
+impl Row {
+    fn new(face: FaceId, outcomes: Vec<Outcome>) -> Self {
+        let (mut entries, mut left_out) = (Vec::new(), Vec::new());
+        for outcome in outcomes {
+            match outcome {
+                Outcome::Nothing => {}
+                Outcome::Done(entry) => entries.push(entry),
+                Outcome::LeftOut(other) => left_out.push(other),
+            }
+        }
+        Self {
+            face,
+            entries,
+            left_out,
+        }
+    }
+
+    /// A row that was not begun.
+    fn left_out(scene: &Scene, face: FaceId) -> Self {
+        let others = (face.0 + 1..scene.faces.len() as u32).map(FaceId);
+        Self {
+            face,
+            entries: Vec::new(),
+            left_out: others.filter(|&b| may_exchange(scene, face, b)).collect(),
+        }
+    }
 }
 
 /// What two faces exchange, from one side and perhaps from the other.
@@ -146,18 +219,17 @@ struct Entry {
     exchange: Exchange,
     /// The same, integrated over the other side.
     back: Option<Exchange>,
-    is_left_out: bool,
 }
 
 impl Entry {
     /// Two results that differ by more than both estimates tell of an error: it
-    /// counts.
+    /// counts, with that of the second.
     fn new(a: FaceId, b: FaceId, there: Exchange, back: Option<Exchange>) -> Self {
         let mut exchange = there;
         if let Some(back) = back {
             let difference = (there.value - back.value).abs();
             if difference > there.error + back.error {
-                exchange.error = difference;
+                exchange.error = difference + back.error;
             }
             exchange.evaluations += back.evaluations;
         }
@@ -165,21 +237,6 @@ impl Entry {
             faces: [a, b],
             exchange,
             back,
-            is_left_out: false,
-        }
-    }
-
-    /// The factor may be anything.
-    fn left_out(a: FaceId, b: FaceId, smaller: f64) -> Self {
-        Self {
-            faces: [a, b],
-            exchange: Exchange {
-                value: 0.0,
-                error: smaller,
-                evaluations: 0,
-            },
-            back: None,
-            is_left_out: true,
         }
     }
 }

@@ -1,15 +1,17 @@
 //! The form factor between two faces.
 
+use crate::factors::apart::{Polygon, integral_apart};
 use crate::factors::cells::{self, Cell, clip};
 use crate::factors::contour::contour_integral;
 use crate::factors::cubature::{Estimate, Goal, Integral, Integrand, Rule, integrate};
-use antumbra_geom::Chart;
+use antumbra_geom::{Chart, Stop};
 use antumbra_scene::{FaceId, PlaneId, Scene};
 use antumbra_visibility::{
     CriticalCurve, Evaluator, Event, EventKinds, Scratch, Source, contour_sum,
     critical_curves_between,
 };
 use glam::{DVec2, DVec3};
+use std::f64::consts::PI;
 
 /// What two faces exchange.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -70,12 +72,41 @@ impl Side {
         }
     }
 
-    fn perimeter(&self) -> f64 {
-        let length = |l: &Vec<DVec3>| {
-            let next = l.iter().cycle().skip(1);
-            l.iter().zip(next).map(|(a, b)| a.distance(*b)).sum::<f64>()
-        };
-        self.loops.iter().map(length).sum()
+    fn polygon(&self) -> Polygon<'_> {
+        Polygon {
+            normal: self.normal,
+            pieces: &self.pieces,
+            area: self.area,
+        }
+    }
+
+    /// The middle and the radius of a sphere around it.
+    fn sphere(&self) -> (DVec3, f64) {
+        let corners = || self.loops.iter().flatten();
+        let middle = corners().sum::<DVec3>() / corners().count().max(1) as f64;
+        let radius = corners().fold(0.0, |r: f64, x| r.max(x.distance(middle)));
+        (middle, radius)
+    }
+
+    /// The factor from a point to another side, integrated along the border, at most.
+    ///
+    /// With the distance `d` of spheres around both it is at most `area/πd²` everywhere.
+    /// Of an edge, no more than `4R` lies within `2R` of the middle of the other's sphere,
+    /// of radius `R`; there it is at most 1, and beyond, where the distance from the sphere
+    /// is half that from its middle, the rest adds up to no more than `4R` again.
+    fn seen_along_border(&self, other: &Self) -> f64 {
+        let ((a, r), (b, s)) = (self.sphere(), other.sphere());
+        let apart = (a.distance(b) - r - s).max(0.0);
+        let most = other.area / (PI * apart * apart);
+        let along = self.edge_lengths().map(|length| length.min(8.0 * s));
+        along.sum::<f64>() * if most < 1.0 { most } else { 1.0 }
+    }
+
+    fn edge_lengths(&self) -> impl Iterator<Item = f64> + '_ {
+        self.loops.iter().flat_map(|corners| {
+            let next = corners.iter().cycle().skip(1);
+            corners.iter().zip(next).map(|(a, b)| a.distance(*b))
+        })
     }
 }
 
@@ -112,7 +143,8 @@ impl Pair {
         usize::from(self.sides[1].area < self.sides[0].area)
     }
 
-    /// What the faces exchange, integrated over one of them.
+    /// What the faces exchange, integrated over one of them; `None` if it was stopped
+    /// before anything was known.
     ///
     /// * `goal` — the error allowed is that of area times form factor.
     pub(crate) fn exchange(
@@ -120,31 +152,21 @@ impl Pair {
         over: usize,
         work: &mut Work<'_, '_, '_>,
         goal: &Goal<'_>,
-    ) -> Exchange {
+    ) -> Option<Exchange> {
         let (from, to) = (&self.sides[over], &self.sides[1 - over]);
-        let accuracy = EXACT * from.area.min(to.area);
-        let rounding = f64::EPSILON * from.perimeter() * to.perimeter();
-        let whole = contour_integral(&from.loops, &to.loops, accuracy).max(0.0);
-        let exact = Exchange {
-            value: whole,
-            error: accuracy + rounding,
-            evaluations: 0,
-        };
+        let exact = self.unobstructed(over, work, goal)?;
+        let whole = exact.value;
         if self.occluders.is_empty() {
-            return exact;
+            return Some(exact);
         }
         let goal = Goal {
-            error: goal.error - exact.error,
+            // No finer than what rounding leaves anyway.
+            error: (goal.error - exact.error).max(0.5 * exact.error),
             ..*goal
         };
-        let integral = self.cubature(from, to, work, &goal);
+        let integral = self.cubature(from, to, work, &goal)?;
         if !integral.is_complete {
-            // Anything from nothing to all of it.
-            return Exchange {
-                value: 0.0,
-                error: whole + exact.error,
-                evaluations: integral.evaluations,
-            };
+            return None;
         }
         let hidden = Estimate {
             value: whole - integral.hidden.value,
@@ -154,11 +176,52 @@ impl Pair {
             Some(seen) if seen.error <= hidden.error => seen,
             _ => hidden,
         };
-        Exchange {
+        Some(Exchange {
             value: best.value.clamp(0.0, whole),
             error: best.error.min(whole + exact.error),
             evaluations: integral.evaluations,
+        })
+    }
+
+    /// What the faces would exchange if nothing stood between; `None` if it was stopped.
+    fn unobstructed(
+        &self,
+        over: usize,
+        work: &Work<'_, '_, '_>,
+        goal: &Goal<'_>,
+    ) -> Option<Exchange> {
+        let (from, to) = (&self.sides[over], &self.sides[1 - over]);
+        let stop = Stop::new(goal.should_stop);
+        let accuracy = EXACT * from.area.min(to.area);
+        let mut best = contour_integral(&from.loops, &to.loops, accuracy, stop)?;
+        if best.error > accuracy.max(NEGLIGIBLE * goal.error) {
+            let better = &self.sides[self.better()];
+            let other = &self.sides[1 - self.better()];
+            let apart = integral_apart(better.polygon(), other.polygon(), accuracy, stop);
+            if let Some(apart) = apart.filter(|apart| apart.error < best.error) {
+                best = apart;
+            } else if stop.is_wanted() {
+                return None;
+            }
         }
+        Some(Exchange {
+            value: best.value.max(0.0),
+            error: best.error.max(accuracy) + self.rounding_of_corners(work.evaluator.scene()),
+            evaluations: 0,
+        })
+    }
+
+    /// How much what the faces exchange changes, at most, where their corners move by the
+    /// rounding of coordinates.
+    ///
+    /// A border that moves by `δ` adds or takes a strip along it, and a plane that turns
+    /// with it changes the cosines by `δ` over the width of the face: about `δ` times the
+    /// integral of the factor of a point along the border.
+    fn rounding_of_corners(&self, scene: &Scene) -> f64 {
+        let offset = scene.frame.offset.abs().max_element() * scene.frame.scale;
+        let moved = scene.rounding() + f64::EPSILON * offset;
+        let [a, b] = &self.sides;
+        moved * (a.seen_along_border(b) + b.seen_along_border(a))
     }
 
     fn cubature(
@@ -167,7 +230,7 @@ impl Pair {
         to: &Side,
         work: &mut Work<'_, '_, '_>,
         goal: &Goal<'_>,
-    ) -> Integral {
+    ) -> Option<Integral> {
         let scene = work.evaluator.scene();
         let chart = scene.chart(from.face);
         let mut cells: Vec<Cell> = from
@@ -176,8 +239,9 @@ impl Pair {
             .map(|corners| corners.iter().map(|&x| chart.to_chart(x)).collect())
             .collect();
         let tolerance = THINNEST * from.area.sqrt();
-        for segment in self.lines(from, to, work) {
-            if cells.len() >= MOST_CELLS {
+        let stop = Stop::new(goal.should_stop);
+        for segment in self.lines(from, to, work, stop)? {
+            if cells.len() >= MOST_CELLS || stop.is_wanted() {
                 break;
             }
             cells::cut(&mut cells, segment.map(|x| chart.to_chart(x)), tolerance);
@@ -193,19 +257,26 @@ impl Pair {
             from,
             to,
         };
-        integrate(
+        Some(integrate(
             work.rule,
             &start,
             &self.occluders,
             &seen,
             work.scratch,
             goal,
-        )
+        ))
     }
 
     /// Where what is seen from one side is not smooth: contacts first, then the other
-    /// critical curves, the strongest order first and the longest first.
-    fn lines(&self, from: &Side, to: &Side, work: &Work<'_, '_, '_>) -> Vec<[DVec3; 2]> {
+    /// critical curves, the strongest order first and the longest first. `None` if it was
+    /// stopped.
+    fn lines(
+        &self,
+        from: &Side,
+        to: &Side,
+        work: &Work<'_, '_, '_>,
+        stop: Stop<'_>,
+    ) -> Option<Vec<[DVec3; 2]>> {
         let scene = work.evaluator.scene();
         let size = from.area.sqrt();
         let mut faces: Vec<FaceId> = self
@@ -224,7 +295,8 @@ impl Pair {
             self.occluders.clone(),
             EventKinds::ALL,
             CONTACT * scene.extent,
-        );
+            stop,
+        )?;
         let length = |curve: &CriticalCurve| {
             let [a, b] = curve.shape.ends();
             a.distance(b)
@@ -234,19 +306,21 @@ impl Pair {
             let strongest = order(a).cmp(&order(b));
             strongest.then(length(b).total_cmp(&length(a)))
         });
-        contacts
-            .chain(&curves)
-            .flat_map(|curve| {
-                let points = curve.shape.polyline(CHORD * size);
-                let pairs = points.windows(2).map(|pair| [pair[0], pair[1]]);
-                pairs.collect::<Vec<_>>()
-            })
-            .collect()
+        let chords = contacts.chain(&curves).flat_map(|curve| {
+            let points = curve.shape.polyline(CHORD * size);
+            let pairs = points.windows(2).map(|pair| [pair[0], pair[1]]);
+            pairs.collect::<Vec<_>>()
+        });
+        Some(chords.collect())
     }
 }
 
 /// The accuracy of what has a closed form, as a form factor from the smaller side.
 const EXACT: f64 = 1e-13;
+
+/// An error of what has a closed form that is this small against the one allowed is not
+/// worth another rule.
+const NEGLIGIBLE: f64 = 1e-2;
 
 /// Strips narrower than this, relative to the surface, are not cut off: they would
 /// hold less than a millionth of a millionth of it.
