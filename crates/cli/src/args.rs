@@ -74,11 +74,8 @@ impl Command {
             Self::Factors(factors) => factors.limits,
             Self::Study(study) => study.limits,
             Self::Render(render) => render.meshing.limits,
-            Self::Reduce(reduce) => Limits {
-                budget: reduce.budget,
-                max_memory: None,
-            },
-            Self::ReduceTry(_) => Limits::default(),
+            // The budget of reduce is for its tries.
+            Self::Reduce(_) | Self::ReduceTry(_) => Limits::default(),
         }
     }
 }

@@ -29,15 +29,15 @@ pub(crate) fn run(args: &Reduce) -> Result<Ending, Failure> {
     if let Some(out) = &args.output {
         output::formats(std::slice::from_ref(out), &[output::Format::Json])?;
     }
-    let started = Instant::now();
     let input = input::read(common)?;
     input::spare(args.output.as_slice())?;
     keep_going();
+    let started = Instant::now();
     let is_spent = || {
         args.budget
             .is_some_and(|most| started.elapsed().as_secs_f64() >= most)
     };
-    let tries = Tries::new(args, started)?;
+    let tries = Tries::new(args)?;
     let mut trouble = None;
     let mut fails = |scene: &SceneInput| match tries.does_fail(scene) {
         Ok(fails) => fails,
@@ -74,10 +74,6 @@ pub(crate) fn run(args: &Reduce) -> Result<Ending, Failure> {
     let Some(reduced) = reduced else {
         if was_interrupted() {
             return Ok(Ending::Interrupted);
-        }
-        if is_spent() {
-            eprintln!("antumbra: stopped by the budget of time before the failure was seen");
-            return Ok(Ending::BudgetReached);
         }
         return Err(Failure::not_acceptable(format!(
             "{}: does not fail: {} is not seen on it",
@@ -143,7 +139,6 @@ pub(crate) fn run(args: &Reduce) -> Result<Ending, Failure> {
 /// How a scene is tried.
 struct Tries<'a> {
     args: &'a Reduce,
-    started: Instant,
     name: String,
     program: PathBuf,
     /// Where candidates stand: one file, written anew for each.
@@ -151,7 +146,7 @@ struct Tries<'a> {
 }
 
 impl<'a> Tries<'a> {
-    fn new(args: &'a Reduce, started: Instant) -> Result<Self, Failure> {
+    fn new(args: &'a Reduce) -> Result<Self, Failure> {
         let name = match &args.failure {
             FailureKind::Panic => "panic".to_owned(),
             FailureKind::Slow(seconds) => format!("slow={seconds}"),
@@ -165,7 +160,6 @@ impl<'a> Tries<'a> {
         let (candidate, _) = output::Temporary::create(path.clone()).map_err(failed)?;
         Ok(Self {
             args,
-            started,
             name,
             program,
             candidate,
@@ -185,12 +179,6 @@ impl<'a> Tries<'a> {
             FailureKind::Slow(seconds) => seconds,
             _ => self.args.timeout,
         };
-        // A try that is cut short by the budget says nothing.
-        let left = self.args.budget.map_or(f64::INFINITY, |budget| {
-            (budget - self.started.elapsed().as_secs_f64()).max(0.0)
-        });
-        let is_cut_short = left < timeout;
-        let timeout = timeout.min(left);
         let mut command = self.command(scene);
         command
             .stdin(Stdio::null())
@@ -206,7 +194,7 @@ impl<'a> Tries<'a> {
             )));
         }
         Ok(match (&self.args.failure, ended) {
-            (FailureKind::Slow(_), ended) => ended.is_none() && !was_interrupted() && !is_cut_short,
+            (FailureKind::Slow(_), ended) => ended.is_none() && !was_interrupted(),
             (_, None) => false,
             // No code: ended by a signal, as an abort is.
             (FailureKind::Panic, Some(status)) => matches!(status.code(), Some(1) | None),
