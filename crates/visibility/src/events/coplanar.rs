@@ -573,17 +573,23 @@ pub(crate) fn common_plane(scene: &Scene, e: EdgeId, f: EdgeId) -> Option<DVec3>
 
 impl Tracer<'_, '_> {
     /// Where a trace runs inside the receiver. The ends lie on the border up to
-    /// rounding; the arrangement joins them to it.
+    /// rounding; the arrangement joins them to it. Border edges that lie on the trace are
+    /// all taken to be on one side of it.
     pub(crate) fn inside_receiver(&self, trace: &Trace) -> Intervals {
+        let off = |x: DVec3| {
+            let off = trace.normal.dot(x - trace.origin);
+            if off.abs() <= self.tolerance {
+                0.0
+            } else {
+                off
+            }
+        };
         let mut crossings = Vec::new();
         for corners in &self.loops {
             let n = corners.len();
             for i in 0..n {
                 let (a, b) = (corners[i], corners[(i + 1) % n]);
-                let (da, db) = (
-                    trace.normal.dot(a - trace.origin),
-                    trace.normal.dot(b - trace.origin),
-                );
+                let (da, db) = (off(a), off(b));
                 if (da > 0.0) != (db > 0.0) {
                     crossings.push(trace.parameter(a + (b - a) * (da / (da - db))));
                 }
