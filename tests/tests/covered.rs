@@ -136,8 +136,10 @@ fn box_of_panels() -> SceneInput {
     scene
 }
 
-/// Scenes with what is covered in them, by the names of sides: `~` marks a back.
-fn covered_scenes() -> Vec<(&'static str, SceneInput, Vec<(&'static str, f64)>)> {
+/// A scene with a name, and what is covered in it, by the names of sides: `~` marks a back.
+type CoveredScene = (&'static str, SceneInput, Vec<(&'static str, f64)>);
+
+fn covered_scenes() -> Vec<CoveredScene> {
     let cabinet = |scene| with_box(scene, "cabinet", [0.0, 0.0, 0.0], [1.0, 0.5, 2.0]);
     let lower = || with_box(room(), "a", [1.0, 1.0, 0.0], [2.0, 2.0, 1.0]);
     vec![

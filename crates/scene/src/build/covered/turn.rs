@@ -91,7 +91,7 @@ impl Turn {
             .collect();
         breaks.extend([0.0, length]);
         breaks.sort_by(f64::total_cmp);
-        let nudge = super::NUDGE * sheets.extent;
+        let nudge = super::claim::NUDGE * sheets.extent;
         breaks
             .windows(2)
             .filter(|pair| pair[1] - pair[0] > 2.0 * nudge)
