@@ -910,7 +910,9 @@ fn touched_points(scene: &Scene, face: FaceId, chart: &Chart) -> Vec<DVec2> {
     );
     touching.sort_unstable();
     touching.dedup();
-    touching.retain(|v| !receiver.loops().any(|corners| corners.contains(v)));
+    let mut own: Vec<_> = receiver.loops().flatten().copied().collect();
+    own.sort_unstable();
+    touching.retain(|v| own.binary_search(v).is_err());
     touching
         .into_iter()
         .map(|v| chart.to_chart(scene.position(v)))

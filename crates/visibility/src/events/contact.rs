@@ -44,6 +44,10 @@ impl Tracer<'_, '_> {
         faces.sort_unstable();
         faces.dedup();
         for id in faces {
+            // A floor with thousands of holes is long to look through for every face.
+            if self.stop.is_wanted() {
+                return;
+            }
             let face = self.scene.face(id);
             if id == self.receiver || face.plane == self.face.plane {
                 continue;
