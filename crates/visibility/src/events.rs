@@ -230,6 +230,9 @@ pub fn critical_curves_until(
     contact_radius: f64,
     stop: Stop<'_>,
 ) -> Option<CriticalCurves> {
+    if stop.is_wanted() {
+        return None;
+    }
     if evaluator.scene().face(receiver).is_covered {
         return Some(CriticalCurves::default());
     }
