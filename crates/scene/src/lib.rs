@@ -13,6 +13,7 @@ mod problem;
 mod query;
 mod report;
 mod scene;
+mod sets;
 mod weld_input;
 
 pub use antumbra_geom::Plane;

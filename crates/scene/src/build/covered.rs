@@ -14,9 +14,11 @@ use super::outline::{Polygon, smallest_width, width};
 use super::overlap::overlap_area;
 use crate::bvh::{Aabb, BoxTree};
 use crate::scene::{PlaneId, Scene};
+use crate::sets::Sets;
 use antumbra_geom::{Chart, DVec2, DVec3, Plane, Stop};
 use claim::{Claim, lies_on};
 use divide::Division;
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use turn::Turn;
 
@@ -215,6 +217,14 @@ impl Sheets<'_> {
             })
             .collect();
         let tree = BoxTree::new(&boxes);
+        // The convex pieces of each, counter-clockwise in the chart, once somebody asks.
+        let pieces: Vec<OnceCell<Vec<Vec<DVec2>>>> = vec![OnceCell::new(); sheets.len()];
+        let pieces = |i: u32| {
+            let i = i as usize;
+            pieces[i]
+                .get_or_init(|| self.flat_pieces(&chart, sheets[i]))
+                .as_slice()
+        };
         for &(i, query) in &boxes {
             if self.stop.is_wanted() {
                 return;
@@ -226,7 +236,12 @@ impl Sheets<'_> {
             for j in near {
                 let [a, b] = [i, j].map(|k| sheets[k as usize]);
                 let combinations = self.opposed_sides(a, b);
-                if !combinations.is_empty() && self.overlaps(&chart, a, b) {
+                if combinations.is_empty() {
+                    continue;
+                }
+                let areas = [a, b].map(|sheet| self.list[sheet].polygon.area);
+                let both = [pieces(i), pieces(j)];
+                if overlap_area(both, areas, self.tolerance()).is_some() {
                     pairs.extend(combinations);
                 }
             }
@@ -247,21 +262,17 @@ impl Sheets<'_> {
             .collect()
     }
 
-    fn overlaps(&self, chart: &Chart, a: usize, b: usize) -> bool {
-        let pieces = [a, b].map(|sheet| {
-            let sheet = &self.list[sheet];
-            let pieces = sheet.polygon.pieces.iter().map(|piece| {
-                let mut corners = self.flat(chart, piece);
-                if !sheet.along {
-                    corners.reverse();
-                }
-                corners
-            });
-            pieces.collect::<Vec<_>>()
+    /// The convex pieces of a sheet, counter-clockwise in the chart of its plane.
+    fn flat_pieces(&self, chart: &Chart, sheet: usize) -> Vec<Vec<DVec2>> {
+        let sheet = &self.list[sheet];
+        let pieces = sheet.polygon.pieces.iter().map(|piece| {
+            let mut corners = self.flat(chart, piece);
+            if !sheet.along {
+                corners.reverse();
+            }
+            corners
         });
-        let areas = [a, b].map(|sheet| self.list[sheet].polygon.area);
-        let [first, second] = &pieces;
-        overlap_area([first, second], areas, self.tolerance()).is_some()
+        pieces.collect()
     }
 
     /// Sides of one plane that look the same way and are joined by edges, and which
@@ -417,26 +428,4 @@ fn clusters(pairs: &[[Side; 2]]) -> Vec<Vec<[Side; 2]>> {
         clusters.entry(cluster).or_default().push(pair);
     }
     clusters.into_values().collect()
-}
-
-/// Disjoint sets of numbers, each known by its smallest.
-struct Sets(Vec<usize>);
-
-impl Sets {
-    fn new(n: usize) -> Self {
-        Self((0..n).collect())
-    }
-
-    fn first_of(&mut self, mut i: usize) -> usize {
-        while self.0[i] != i {
-            self.0[i] = self.0[self.0[i]];
-            i = self.0[i];
-        }
-        i
-    }
-
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.first_of(a), self.first_of(b));
-        self.0[a.max(b)] = a.min(b);
-    }
 }

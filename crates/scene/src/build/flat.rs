@@ -164,8 +164,12 @@ fn crosses() -> Refusal {
 }
 
 /// A point where two edges meet, for the eye.
-pub(super) fn crossing_point(s: &[DVec2; 2], t: &[DVec2; 2], flat: &Flat) -> DVec3 {
-    let ([a, b], [c, d]) = (*s, *t);
+pub(super) fn crossing_point(s: [DVec2; 2], t: [DVec2; 2], flat: &Flat) -> DVec3 {
+    flat.chart.to_space(crossing(s, t))
+}
+
+/// Where two segments cross; the middle of the first if they are parallel.
+pub(super) fn crossing([a, b]: [DVec2; 2], [c, d]: [DVec2; 2]) -> DVec2 {
     let along = b - a;
     let turn = along.perp_dot(d - c);
     let at = if turn == 0.0 {
@@ -173,5 +177,5 @@ pub(super) fn crossing_point(s: &[DVec2; 2], t: &[DVec2; 2], flat: &Flat) -> DVe
     } else {
         ((c - a).perp_dot(d - c) / turn).clamp(0.0, 1.0)
     };
-    flat.chart.to_space(a + at * along)
+    a + at * along
 }

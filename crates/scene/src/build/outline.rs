@@ -586,8 +586,8 @@ impl Shaper<'_> {
             return Ok(());
         };
         let near = self.units.point(crossing_point(
-            &flat.segment(first),
-            &flat.segment(second),
+            flat.segment(first),
+            flat.segment(second),
             flat,
         ));
         let which = |which: usize| {

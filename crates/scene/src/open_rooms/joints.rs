@@ -2,6 +2,7 @@
 
 use crate::bvh::{Aabb, BoxTree};
 use crate::scene::{Face, FaceId, Scene, SurfaceId};
+use crate::sets::Sets;
 use antumbra_geom::{DVec2, Stop, point_in_polygon};
 use glam::DVec3;
 use std::cell::OnceCell;
@@ -237,34 +238,26 @@ impl<'a> Joints<'a> {
 
     /// Kept surfaces that hang together by stretches, in the order of their first.
     pub(super) fn components(&self) -> Vec<Component> {
-        fn root(parent: &mut [usize], mut i: usize) -> usize {
-            while parent[i] != i {
-                parent[i] = parent[parent[i]];
-                i = parent[i];
-            }
-            i
-        }
-        let mut parent: Vec<usize> = (0..self.kept.len()).collect();
+        let mut sets = Sets::new(self.kept.len());
         for stretch in &self.stretches {
             let mut surfaces = self.kept_runs(stretch).map(|run| run.surface.index());
             let Some(first) = surfaces.next() else {
                 continue;
             };
             for other in surfaces {
-                let (a, b) = (root(&mut parent, first), root(&mut parent, other));
-                parent[a.max(b)] = a.min(b);
+                sets.join(first, other);
             }
         }
         let mut components: BTreeMap<usize, Component> = BTreeMap::new();
         for s in 0..self.kept.len() {
             if self.kept[s] && !self.scene.surfaces[s].faces.is_empty() {
-                let component = components.entry(root(&mut parent, s)).or_default();
+                let component = components.entry(sets.first_of(s)).or_default();
                 component.surfaces.push(SurfaceId(s as u32));
             }
         }
         for (i, stretch) in self.stretches.iter().enumerate() {
             if let Some(run) = self.kept_runs(stretch).next() {
-                let root = root(&mut parent, run.surface.index());
+                let root = sets.first_of(run.surface.index());
                 components.entry(root).or_default().stretches.push(i as u32);
             }
         }

@@ -4,6 +4,7 @@
 //! is covered of one is a set of triangles, and its border is a set of their edges. So
 //! covered and uncovered parts, and what covers them, have their corners in common.
 
+use crate::build::flat::crossing;
 use crate::bvh::{Aabb, BoxTree};
 use antumbra_geom::{
     Chart, DVec2, DVec3, cdt, convex_pieces, point_in_polygon, segments_cross, signed_area,
@@ -428,16 +429,4 @@ impl Borders {
         }
         !crossings.is_empty()
     }
-}
-
-/// Where two segments cross.
-fn crossing([a, b]: [DVec2; 2], [c, d]: [DVec2; 2]) -> DVec2 {
-    let along = b - a;
-    let turn = along.perp_dot(d - c);
-    let t = if turn == 0.0 {
-        0.5
-    } else {
-        (c - a).perp_dot(d - c) / turn
-    };
-    a + along * t.clamp(0.0, 1.0)
 }
