@@ -761,29 +761,41 @@ impl Field {
             return true;
         }
         let mut new: Vec<usize> = Vec::new();
-        let mut samples: Vec<Sample> = Vec::new();
         let mut places: Vec<(usize, [f64; 3])> = Vec::new();
         for t in 0..self.mesh.triangles.len() {
             if self.is_verified[t] {
                 continue;
             }
             new.push(t);
-            for at in self.second_points(t, allowed) {
-                places.push((t, at));
-                samples.push(self.sample_at(t, at));
-            }
+            places.extend(self.second_points(t, allowed).into_iter().map(|at| (t, at)));
         }
-        if !samples.is_empty() {
-            let Some(found) = light.irradiance(self.face, &samples, self.contact_radius, stop)
-            else {
-                return false;
-            };
-            self.n_evaluations += samples.len() as u64;
-            self.add_errors(&places, &found);
+        if !self.measure_at(&places, light, stop) {
+            return false;
         }
         for t in new {
             self.is_verified[t] = true;
         }
+        true
+    }
+
+    /// Measures the errors at places of elements. Returns whether it was done: if it was
+    /// stopped, nothing has changed.
+    fn measure_at(
+        &mut self,
+        places: &[(usize, [f64; 3])],
+        light: &dyn Light,
+        stop: Stop<'_>,
+    ) -> bool {
+        if places.is_empty() {
+            return true;
+        }
+        let samples = places.iter().map(|&(t, at)| self.sample_at(t, at));
+        let samples: Vec<Sample> = samples.collect();
+        let Some(found) = light.irradiance(self.face, &samples, self.contact_radius, stop) else {
+            return false;
+        };
+        self.n_evaluations += samples.len() as u64;
+        self.add_errors(places, &found);
         true
     }
 

@@ -85,7 +85,7 @@ impl Field {
             return true;
         }
         let mut looks = self.looks.clone();
-        let (mut samples, mut places) = (Vec::new(), Vec::new());
+        let mut places = Vec::new();
         for (t, look) in looks
             .iter_mut()
             .enumerate()
@@ -99,18 +99,11 @@ impl Field {
                 0 => Look::PassedOver,
                 _ => Look::Done,
             };
-            for at in self.look_places(t, wanted, allowed) {
-                samples.push(self.sample_at(t, at));
-                places.push((t, at));
-            }
+            let chosen = self.look_places(t, wanted, allowed);
+            places.extend(chosen.into_iter().map(|at| (t, at)));
         }
-        if !samples.is_empty() {
-            let Some(found) = light.irradiance(self.face, &samples, self.contact_radius, stop)
-            else {
-                return false;
-            };
-            self.n_evaluations += samples.len() as u64;
-            self.add_errors(&places, &found);
+        if !self.measure_at(&places, light, stop) {
+            return false;
         }
         self.looks = looks;
         true
