@@ -17,6 +17,19 @@ impl Intervals {
         Self(intervals)
     }
 
+    /// The union of intervals in any order.
+    pub(crate) fn union(mut intervals: Vec<(f64, f64)>) -> Self {
+        intervals.sort_by(|x, y| x.0.total_cmp(&y.0));
+        let mut merged: Vec<(f64, f64)> = Vec::new();
+        for (from, to) in intervals {
+            match merged.last_mut() {
+                Some(last) if last.1 >= from => last.1 = last.1.max(to),
+                _ => merged.push((from, to)),
+            }
+        }
+        Self(merged)
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

@@ -139,15 +139,7 @@ impl Tracer<'_, '_> {
                 }
             }
         }
-        all.sort_by(|x, y| x.0.total_cmp(&y.0));
-        let mut merged: Vec<(f64, f64)> = Vec::new();
-        for (from, to) in all {
-            match merged.last_mut() {
-                Some(last) if last.1 >= from => last.1 = last.1.max(to),
-                _ => merged.push((from, to)),
-            }
-        }
-        Intervals::from_sorted(merged)
+        Intervals::union(all)
     }
 }
 

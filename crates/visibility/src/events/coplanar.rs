@@ -596,15 +596,8 @@ impl Tracer<'_, '_> {
             }
         }
         crossings.sort_by(f64::total_cmp);
-        let mut intervals: Vec<(f64, f64)> = Vec::new();
-        for pair in crossings.chunks_exact(2) {
-            let (from, to) = (pair[0], pair[1]);
-            match intervals.last_mut() {
-                Some(last) if last.1 >= from => last.1 = to,
-                _ => intervals.push((from, to)),
-            }
-        }
-        Intervals::from_sorted(intervals)
+        let pairs = crossings.chunks_exact(2);
+        Intervals::union(pairs.map(|pair| (pair[0], pair[1])).collect())
     }
 
     /// Pushes a segment for every interval.
