@@ -2,12 +2,13 @@
 //! of the curves makes no difference.
 #![no_main]
 
+use antumbra_geom::Control;
 use antumbra_fuzz::{Choices, adversary};
 use antumbra_mesh::{MeshError, TriMesh, arrange};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let (curves, options) = adversary::curves(&mut Choices::new(bytes));
-    let arrangement = arrange(&curves, &options);
+    let arrangement = arrange(&curves, &options, &Control::NEVER).unwrap_or_default();
     arrangement
         .check(&curves)
         .unwrap_or_else(|e| panic!("{e}\n{options:?}\n{curves:?}"));
@@ -17,7 +18,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     for curve in others.iter_mut().step_by(2) {
         curve.points.reverse();
     }
-    let other = arrange(&others, &options);
+    let other = arrange(&others, &options, &Control::NEVER).unwrap_or_default();
     assert_eq!(arrangement.pixels, other.pixels, "{options:?}\n{curves:?}");
     assert_eq!(arrangement.report, other.report, "{options:?}\n{curves:?}");
 

@@ -27,16 +27,16 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     };
     // To be pasted into a file.
     let json = || antumbra_io::scene_file::write(&input);
-    let meshed = antumbra::mesh(&scene, &options, &Control::default())
+    let meshed = antumbra::mesh(&scene, &options, &Control::NEVER)
         .unwrap_or_else(|e| panic!("{e}\n{}", json()));
 
     let open = Scene::build(&unoccluded(&input, &["floor"]))
         .unwrap_or_else(|problems| panic!("{problems:?}\n{}", json()))
         .scene;
     let evaluator = Evaluator::new(&open);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
     let mut scratch = Scratch::default();
-    for mesh in &meshed.direct.receivers {
+    for mesh in &meshed.mesh.receivers {
         mesh.mesh
             .check()
             .unwrap_or_else(|e| panic!("{e}\n{}", json()));

@@ -1,33 +1,17 @@
 //! Everything that meshes say, bit by bit: two that are equal here are the same.
 
-use antumbra::{CellSolution, DirectSolution};
+use antumbra::Solution;
 use glam::DVec2;
 
-/// All that a discontinuity mesh says.
+/// All that meshes say.
 #[must_use]
-pub fn bits_of_meshes(solution: &DirectSolution) -> Vec<u64> {
+pub fn bits_of_meshes(solution: &Solution) -> Vec<u64> {
     let mut all = Vec::new();
     for mesh in &solution.receivers {
         let values = [&mesh.direct, &mesh.irradiance, &mesh.element_errors];
         push_mesh(&mut all, &mesh.element_nodes, &mesh.nodes, values);
         all.push(mesh.exact_evaluations);
-    }
-    push_measures(
-        &mut all,
-        &solution.peak,
-        [solution.measured_max_error, solution.measured_rms_error],
-    );
-    all
-}
-
-/// All that a mesh of cells says.
-#[must_use]
-pub fn bits_of_cells(solution: &CellSolution) -> Vec<u64> {
-    let mut all = Vec::new();
-    for mesh in &solution.receivers {
-        let values = [&mesh.direct, &mesh.irradiance, &mesh.element_errors];
-        push_mesh(&mut all, &mesh.element_nodes, &mesh.nodes, values);
-        all.extend([mesh.node_evaluations, mesh.check_evaluations]);
+        all.extend(mesh.cells().map(|cells| cells.node_evaluations));
     }
     push_measures(
         &mut all,

@@ -1,8 +1,10 @@
 //! Meshes compared with exact light at random points.
 
+use crate::meshes::triangles;
 use crate::random::SplitMix;
 use antumbra::{
-    Control, Ended, Evaluator, ExactLight, Meshed, Options, ReceiverMesh, Scene, Scratch, Tolerance,
+    Control, Ended, Evaluator, ExactLight, Options, Outcome, ReceiverMesh, Scene, Scratch,
+    Tolerance,
 };
 use glam::DVec2;
 use rayon::prelude::*;
@@ -54,21 +56,21 @@ pub fn compare(
         most_elements,
         ..Options::default()
     };
-    let meshed = antumbra::mesh(scene, &options, &Control::default())
-        .unwrap_or_else(|e| panic!("{name}: {e}"));
+    let meshed =
+        antumbra::mesh(scene, &options, &Control::NEVER).unwrap_or_else(|e| panic!("{name}: {e}"));
     let mut found = Comparison {
         wrong: unsound(name, &meshed),
-        peak: meshed.direct.peak.iter().copied().fold(0.0, f64::max),
+        peak: meshed.mesh.peak.iter().copied().fold(0.0, f64::max),
         ..Comparison::default()
     };
     let evaluator = Evaluator::new(scene);
-    let light = ExactLight::new(&evaluator);
-    let receivers = &meshed.direct.receivers;
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
+    let receivers = &meshed.mesh.receivers;
     let per_receiver = n_points.div_ceil(receivers.len());
     for mesh in receivers.iter().filter(|m| !is_thin(m)) {
         found.n_elements += mesh.n_elements();
         let points = random_points(mesh, per_receiver);
-        let errors = errors_at(mesh, &light, &meshed.direct.peak, &points);
+        let errors = errors_at(mesh, &light, &meshed.mesh.peak, &points);
         found.n_points += points.len();
         for (&(element, uv), error) in points.iter().zip(errors) {
             if mesh.unresolved.contains(&(element as u32)) {
@@ -110,22 +112,22 @@ pub fn compare(
 /// Is a receiver thinner than the smallest elements that are resolved, 2⁻²² of its length?
 /// All of its elements count as unresolved, and promise nothing.
 fn is_thin(mesh: &ReceiverMesh) -> bool {
-    let [min, max] = antumbra::geom::bounding_box(mesh.mesh.vertices.iter().copied());
+    let [min, max] = antumbra::geom::bounding_box(triangles(mesh).vertices.iter().copied());
     let length = (max - min).length();
     mesh.is_thin || mesh.area() < length * length / f64::from(1 << 22)
 }
 
 /// What is wrong with a mesh whatever the exact light is.
-fn unsound(name: &str, meshed: &Meshed) -> Vec<String> {
+fn unsound(name: &str, meshed: &Outcome) -> Vec<String> {
     let mut wrong = Vec::new();
     if !matches!(
-        meshed.direct.ended,
+        meshed.mesh.ended,
         Ended::ToleranceReached | Ended::ResolutionReached
     ) {
-        wrong.push(format!("{name}: ended with {:?}", meshed.direct.ended));
+        wrong.push(format!("{name}: ended with {:?}", meshed.mesh.ended));
     }
-    for mesh in &meshed.direct.receivers {
-        if let Err(error) = mesh.mesh.check() {
+    for mesh in &meshed.mesh.receivers {
+        if let Err(error) = triangles(mesh).check() {
             wrong.push(format!("{name}: {error}"));
         }
         if mesh.direct.iter().any(|&e| !(e >= 0.0 && e.is_finite())) {
@@ -147,10 +149,10 @@ fn errors_at(
         .par_iter()
         .map_init(Scratch::default, |scratch, &(_, uv)| {
             let exact = light.at(mesh.face, mesh.chart.to_space(uv), scratch);
-            let Some((element, at)) = mesh.locate(uv) else {
+            let Some(spot) = mesh.locate(uv) else {
                 return f64::NAN;
             };
-            let bands = mesh.direct_at(element, at).into_iter().zip(exact).zip(peak);
+            let bands = mesh.direct_at(spot).into_iter().zip(exact).zip(peak);
             bands
                 .map(|((e, exact), peak)| (e - exact).abs() / peak.max(1e-300))
                 .fold(0.0, f64::max)
@@ -162,7 +164,7 @@ fn errors_at(
 fn random_points(mesh: &ReceiverMesh, n: usize) -> Vec<(usize, DVec2)> {
     let areas: Vec<f64> = (0..mesh.n_elements() as u32)
         .scan(0.0, |sum, t| {
-            *sum += mesh.mesh.area(t).max(0.0);
+            *sum += triangles(mesh).area(t).max(0.0);
             Some(*sum)
         })
         .collect();
@@ -177,7 +179,7 @@ fn random_point(mesh: &ReceiverMesh, areas: &[f64], random: &mut SplitMix) -> (u
     let total = *areas.last().unwrap_or(&0.0);
     let wanted = total * random.unit();
     let t = areas.partition_point(|&a| a < wanted).min(areas.len() - 1);
-    let [a, b, c] = mesh.mesh.corners(t as u32);
+    let [a, b, c] = triangles(mesh).corners(t as u32);
     let (mut s, mut r) = (random.unit(), random.unit());
     if s + r > 1.0 {
         (s, r) = (1.0 - s, 1.0 - r);

@@ -1,8 +1,10 @@
 //! Whether a mesh keeps its tolerance at points that it has never seen.
 
+use crate::meshes::triangles;
 use antumbra::values::{self, Place};
 use antumbra::{
-    Control, Ended, Evaluator, ExactLight, Meshed, Options, ReceiverMesh, Scene, Scratch, Tolerance,
+    Control, Ended, Evaluator, ExactLight, Options, Outcome, ReceiverMesh, Scene, Scratch,
+    Tolerance,
 };
 use glam::DVec2;
 use rayon::prelude::*;
@@ -55,10 +57,10 @@ pub fn kept(scene: &Scene, tolerance: f64, n_points: u32) -> Kept {
         tolerance: Tolerance::Relative(tolerance),
         ..Options::default()
     };
-    let meshed = antumbra::mesh(scene, &options, &Control::default())
-        .unwrap_or_else(|error| panic!("{error}"));
+    let meshed =
+        antumbra::mesh(scene, &options, &Control::NEVER).unwrap_or_else(|error| panic!("{error}"));
     let evaluator = Evaluator::new(scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
     let places = values::random_places(scene, n_points, &|_| true);
     let errors: Vec<Option<Above>> = places
         .par_iter()
@@ -67,7 +69,7 @@ pub fn kept(scene: &Scene, tolerance: f64, n_points: u32) -> Kept {
             error_at(scene, &meshed, place, &exact, tolerance)
         })
         .collect();
-    let receivers = &meshed.direct.receivers;
+    let receivers = &meshed.mesh.receivers;
     let area: f64 = receivers.iter().map(ReceiverMesh::area).sum();
     let mut kept = Kept {
         n_evaluations: receivers.iter().map(|r| r.exact_evaluations).sum(),
@@ -77,7 +79,7 @@ pub fn kept(scene: &Scene, tolerance: f64, n_points: u32) -> Kept {
             .map(ReceiverMesh::unresolved_area)
             .sum::<f64>()
             / area,
-        is_reached: meshed.direct.ended == Ended::ToleranceReached,
+        is_reached: meshed.mesh.ended == Ended::ToleranceReached,
         ..Kept::default()
     };
     for error in errors {
@@ -98,26 +100,27 @@ pub fn kept(scene: &Scene, tolerance: f64, n_points: u32) -> Kept {
 /// The error at a place; nothing in an unresolved element.
 fn error_at(
     scene: &Scene,
-    meshed: &Meshed,
+    meshed: &Outcome,
     place: &Place,
     exact: &[f64],
     tolerance: f64,
 ) -> Option<Above> {
-    let mesh = &meshed.direct.receivers[place.face.index()];
+    let mesh = &meshed.mesh.receivers[place.face.index()];
     let uv = mesh.chart.to_chart(place.point);
-    let (element, at) = mesh.locate(uv)?;
+    let spot = mesh.locate(uv)?;
+    let (element, at) = (spot.element, spot.at);
     if mesh.unresolved.binary_search(&(element as u32)).is_ok() {
         return None;
     }
-    let bands = mesh.direct_at(element, at).into_iter().zip(exact);
+    let bands = mesh.direct_at(spot).into_iter().zip(exact);
     let ratio = bands
-        .zip(&meshed.direct.peak)
+        .zip(&meshed.mesh.peak)
         .map(|((e, exact), peak)| (e - exact).abs() / (peak.max(1e-300) * tolerance))
         .fold(0.0, f64::max);
-    let [a, b, c]: [DVec2; 3] = mesh.mesh.corners(element as u32);
+    let [a, b, c]: [DVec2; 3] = triangles(mesh).corners(element as u32);
     let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
     let size = scene.face(place.face).area.sqrt();
-    let height = 2.0 * mesh.mesh.area(element as u32) / longest;
+    let height = 2.0 * triangles(mesh).area(element as u32) / longest;
     Some(Above {
         ratio,
         surface: scene.surface_of(place.face).name.clone(),

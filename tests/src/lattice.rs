@@ -9,7 +9,7 @@ use crate::random::SplitMix;
 use crate::scenes::{Facing, add, add_box, add_horizontal, add_room, empty, material, unoccluded};
 use antumbra::scene::SurfaceInput;
 use antumbra::values::{self, Place};
-use antumbra::{Evaluator, ExactLight, Scene, SceneInput, Scratch};
+use antumbra::{Control, Evaluator, ExactLight, Scene, SceneInput, Scratch};
 use glam::{DVec3, Vec3Swizzles as _, dvec3};
 
 /// A surface's name and a point of it, file units.
@@ -529,7 +529,7 @@ fn in_pieces(input: &SceneInput) -> SceneInput {
 pub fn values(input: &SceneInput, spots: &[Spot]) -> Option<Vec<Option<f64>>> {
     let scene = Scene::build(input).ok()?.scene;
     let evaluator = Evaluator::new(&scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
     let mut scratch = Scratch::default();
     Some(
         spots

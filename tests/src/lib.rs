@@ -6,6 +6,7 @@ pub mod check_points;
 pub mod families;
 pub mod kept;
 pub mod lattice;
+pub mod meshes;
 pub mod motion;
 pub mod oracle;
 pub mod quadrature;

@@ -3,7 +3,7 @@
 use crate::cases::build;
 use antumbra::scene::{MaterialInput, SurfaceInput};
 use antumbra::values::{self, Place};
-use antumbra::{Evaluator, ExactLight, SceneInput, Scratch};
+use antumbra::{Control, Evaluator, ExactLight, SceneInput, Scratch};
 use glam::{DVec3, dvec3};
 
 /// A material of one band.
@@ -125,7 +125,7 @@ pub fn unoccluded(scene: &SceneInput, receivers: &[&str]) -> SceneInput {
 pub fn exact(scene: &SceneInput, surface: &str, points: &[DVec3]) -> Vec<f64> {
     let scene = build(scene);
     let evaluator = Evaluator::new(&scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
     let mut scratch = Scratch::default();
     points
         .iter()

@@ -6,8 +6,9 @@
 //! tables of those that pass too.
 
 use antumbra::scene::{EdgeId, FaceId};
-use antumbra::{Control, EventKinds, Events, Meshed, Options, Scene, Tolerance};
+use antumbra::{Control, EventKinds, Events, Options, Outcome, Scene, Tolerance};
 use antumbra_tests::cases::{build, fixture, fixtures, json_files};
+use antumbra_tests::meshes::triangles;
 use antumbra_tests::random::SplitMix;
 use antumbra_tests::structure::{ApparentVertex, Corner, Kind, Rim, Site, Structure, Structures};
 use glam::{DVec2, DVec3};
@@ -242,30 +243,29 @@ impl Missing {
 
 /// The coarsest mesh with the curves of all events, so fine that chords lie on their
 /// arcs: what refinement cuts into pieces stays in one cell of the arrangement.
-fn meshed(name: &str) -> (Scene, Meshed) {
+fn meshed(name: &str) -> (Scene, Outcome) {
     let scene = build(&fixture(name));
     let options = Options {
         tolerance: Tolerance::Relative(1e-11),
         degree: Some(1),
-        events: Events::Kinds(EventKinds::ALL),
         most_elements: 1,
-        ..Options::default()
+        ..Options::with_events(Events::Kinds(EventKinds::ALL))
     };
-    let meshed = antumbra::mesh(&scene, &options, &Control::default())
-        .unwrap_or_else(|e| panic!("{name}: {e}"));
+    let meshed =
+        antumbra::mesh(&scene, &options, &Control::NEVER).unwrap_or_else(|e| panic!("{name}: {e}"));
     (scene, meshed)
 }
 
 fn row(name: &str, n_pairs: u64) -> Row {
-    let (scene, Meshed { direct, .. }) = meshed(name);
+    let (scene, Outcome { mesh: direct, .. }) = meshed(name);
     let structures = Structures::new(&scene);
     let elements: Vec<(usize, u32)> = direct
         .receivers
         .iter()
         .enumerate()
         .flat_map(|(r, receiver)| {
-            let smallest = receiver.mesh.total_area() * SMALLEST;
-            let is_large = move |t: &u32| receiver.mesh.area(*t) > smallest;
+            let smallest = triangles(receiver).total_area() * SMALLEST;
+            let is_large = move |t: &u32| triangles(receiver).area(*t) > smallest;
             let n = receiver.n_elements() as u32;
             (0..n).filter(is_large).map(move |t| (r, t))
         })
@@ -275,7 +275,7 @@ fn row(name: &str, n_pairs: u64) -> Row {
         let mut random = SplitMix::new(seed);
         let (r, t) = elements[(random.unit() * elements.len() as f64) as usize];
         let receiver = &direct.receivers[r];
-        let corners = receiver.mesh.corners(t);
+        let corners = triangles(receiver).corners(t);
         let points = [(); 2].map(|()| receiver.chart.to_space(inside(corners, &mut random)));
         let [a, b] = points.map(|p| structures.at(receiver.face, p));
         let is_dark = a.structure.is_empty() && b.structure.is_empty();

@@ -7,6 +7,7 @@
 use antumbra::scene::{Scene, SurfaceInput};
 use antumbra::{Control, Evaluator, ExactLight, FactorOptions, SceneInput, Scratch, values};
 use antumbra_tests::cases::{build, fixture};
+use antumbra_tests::meshes::gathered;
 use antumbra_tests::motion::Motion;
 use antumbra_tests::scenes::{
     Facing, add_box, add_horizontal, add_room, empty, exact, material, only_face, points_on,
@@ -352,7 +353,7 @@ fn a_box_on_tiles_covers_what_it_stands_on() {
 fn check_evenness(name: &str, input: &SceneInput) {
     let scene = build(input);
     let evaluator = Evaluator::new(&scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
     let mut scratch = Scratch::default();
     let is_inside = |f| !scene.surface_of(f).name.starts_with("outer");
     for place in values::random_places(&scene, 1_000, &is_inside) {
@@ -403,7 +404,7 @@ fn rows_over_uncovered_areas_sum_to_one() {
             tolerance: 1e-9,
             ..FactorOptions::default()
         };
-        let factors = antumbra::factors(&scene, &options, &Control::default());
+        let factors = antumbra::factors(&scene, &options, &Control::NEVER);
         for (i, sum) in factors.row_sums().into_iter().enumerate() {
             let surface = factors.names[i].as_str();
             let hidden = expected
@@ -501,7 +502,7 @@ fn factors_are_continuous_as_a_cabinet_comes_to_stand() {
             tolerance: 1e-7,
             ..FactorOptions::default()
         };
-        antumbra::factors(&build(&lit_cabinet(gap)), &options, &Control::default())
+        antumbra::factors(&build(&lit_cabinet(gap)), &options, &Control::NEVER)
     };
     let standing = at(0.0);
     let index = |name: &str| {
@@ -542,9 +543,9 @@ fn nodes_where_furniture_meets_walls_see_light_from_everywhere() {
                 tolerance: antumbra::Tolerance::Relative(1e-2),
                 ..antumbra::Options::default()
             };
-            let meshed = antumbra::mesh(&scene, &options, &Control::default())
+            let meshed = antumbra::mesh(&scene, &options, &Control::NEVER)
                 .unwrap_or_else(|e| panic!("{name}: {e}"));
-            for mesh in &meshed.direct.receivers {
+            for mesh in &meshed.mesh.receivers {
                 let face = scene.face(mesh.face);
                 let expected = if face.is_covered { 0.0 } else { EXITANCE };
                 let surface = &scene.surface_of(mesh.face).name;
@@ -570,12 +571,12 @@ fn furnace_rooms_are_even_after_all_bounces() {
         }
         let scene = build(&input);
         let evaluator = Evaluator::new(&scene);
-        let light = ExactLight::new(&evaluator);
+        let light = ExactLight::new(&evaluator, &Control::NEVER);
         let options = antumbra::Options::default();
-        let solved = antumbra::solve(&scene, &options, &Control::default())
+        let solved = antumbra::solve(&scene, &options, &Control::NEVER)
             .unwrap_or_else(|e| panic!("{name}: {e}"));
         let places = values::random_places(&scene, 200, &|f| !scene.face(f).is_covered);
-        let found = values::solved(&light, &evaluator, &solved.radiosity, &places);
+        let found = gathered(&light, &evaluator, &solved, &places);
         for (place, value) in places.iter().zip(found) {
             // E = M / (1 − ρ).
             assert!(

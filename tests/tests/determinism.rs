@@ -49,8 +49,8 @@ fn meshes_are_bit_identical_for_any_number_of_threads() {
     for name in names {
         let scene = build(&fixture(&name));
         let run = || {
-            let meshed = antumbra::mesh(&scene, &options, &Control::default());
-            bits_of_meshes(&meshed.unwrap_or_else(|e| panic!("{name}: {e}")).direct)
+            let meshed = antumbra::mesh(&scene, &options, &Control::NEVER);
+            bits_of_meshes(&meshed.unwrap_or_else(|e| panic!("{name}: {e}")).mesh)
         };
         let one = with_threads(1, run);
         for n in [2, 7] {
@@ -71,9 +71,10 @@ fn solutions_are_bit_identical_for_any_number_of_threads() {
     for name in SCENES {
         let scene = build(&fixture(name));
         let run = || {
-            let solved = antumbra::solve(&scene, &options, &Control::default());
-            let radiosity = solved.unwrap_or_else(|e| panic!("{name}: {e}")).radiosity;
-            let mut all = bits_of_meshes(&radiosity.meshes);
+            let solved = antumbra::solve(&scene, &options, &Control::NEVER);
+            let solved = solved.unwrap_or_else(|e| panic!("{name}: {e}"));
+            let mut all = bits_of_meshes(&solved.mesh);
+            let radiosity = solved.radiosity.expect("it was solved");
             all.extend([radiosity.iterations as u64, radiosity.residual.to_bits()]);
             let power = &radiosity.power;
             let watts = power

@@ -2,11 +2,12 @@
 
 use antumbra::scene::FaceId;
 use antumbra::{
-    Control, CriticalCurve, EventKind, Meshed, Options, ReceiverCurves, Scene, mesh_order_key,
+    Control, CriticalCurve, EventKind, Options, Outcome, ReceiverCurves, Scene, mesh_order_key,
     order_key,
 };
 use antumbra::{Discontinuity, Evaluator, EventKinds, ExactLight, Scratch};
 use antumbra_tests::cases::{build, fixture, fixtures, json_files};
+use antumbra_tests::meshes::orders_of;
 use glam::DVec3;
 use std::fmt::Write as _;
 
@@ -40,14 +41,14 @@ fn names() -> Vec<String> {
         .collect()
 }
 
-fn meshed(name: &str) -> (Scene, Meshed) {
+fn meshed(name: &str) -> (Scene, Outcome) {
     let scene = build(&fixture(name));
     let options = Options {
         most_elements: 100_000,
         ..Options::default()
     };
-    let meshed = antumbra::mesh(&scene, &options, &Control::default())
-        .unwrap_or_else(|e| panic!("{name}: {e}"));
+    let meshed =
+        antumbra::mesh(&scene, &options, &Control::NEVER).unwrap_or_else(|e| panic!("{name}: {e}"));
     (scene, meshed)
 }
 
@@ -62,7 +63,9 @@ fn curves(name: &str) -> (Scene, Vec<(FaceId, Vec<CriticalCurve>)>) {
             face,
             EventKinds::ALL,
             2f64.powi(-24),
-        );
+            &Control::NEVER,
+        )
+        .unwrap_or_default();
         (face, found.curves)
     };
     let curves = faces.into_iter().map(of).collect();
@@ -146,7 +149,7 @@ fn numbers_of_critical_curves_of_large_fixtures() {
     let mut table = String::new();
     for name in LARGE.into_iter().filter(|name| !name.contains("64")) {
         let scene = build(&fixture(name));
-        let (options, control) = (Options::default(), Control::default());
+        let (options, control) = (Options::default(), Control::NEVER);
         let plan = antumbra::plan(&scene, &options, antumbra::Quantity::Direct, &control);
         let _ = writeln!(table, "{name}");
         for kind in EventKind::ALL {
@@ -171,13 +174,20 @@ fn numbers_of_critical_curves_of_large_fixtures() {
 
 /// What a mesh holds: changes with every change of refinement.
 fn statistics(name: &str) -> String {
-    let (scene, Meshed { direct, curves, .. }) = meshed(name);
+    let (
+        scene,
+        Outcome {
+            mesh: direct,
+            curves,
+            ..
+        },
+    ) = meshed(name);
     let mut table = format!(
         "{:?}, measured {:.2e}\n",
         direct.ended, direct.measured_max_error
     );
     for (mesh, ReceiverCurves { n_border, .. }) in direct.receivers.iter().zip(&curves) {
-        let mut by_order: Vec<String> = mesh.orders[*n_border..]
+        let mut by_order: Vec<String> = orders_of(mesh)[*n_border..]
             .iter()
             .map(|&order| mesh_order_key(order).to_owned())
             .collect();
@@ -248,7 +258,7 @@ impl Profile<'_> {
 fn smooth_curves(name: &str, kinds: &[EventKind]) -> (usize, Vec<String>) {
     let (scene, faces) = curves(name);
     let evaluator = Evaluator::new(&scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
     let (mut n, mut smooth) = (0, Vec::new());
     for (face, curves) in faces
         .iter()

@@ -85,7 +85,7 @@ fn matrix(scene: &Scene, tolerance: f64) -> FormFactors {
         tolerance,
         ..FactorOptions::default()
     };
-    factors(scene, &options, &Control::default())
+    factors(scene, &options, &Control::NEVER)
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! Form factors between surfaces: cases with known answers, and the laws they obey.
 
-use antumbra::{Control, Evaluator, ExactLight, FactorOptions, FormFactors, SceneInput, Scratch};
+use antumbra::{
+    Control, Evaluator, ExactLight, FactorOptions, FormFactors, SceneInput, Scratch, Stop,
+};
 use antumbra::{factors, values};
 use antumbra_tests::cases::{build, factor_cases, fixture};
 use antumbra_tests::motion::Motion;
@@ -10,11 +12,7 @@ use antumbra_tests::scenes::{
 use glam::{DVec3, dvec3};
 
 fn matrix(scene: &SceneInput) -> FormFactors {
-    factors(
-        &build(scene),
-        &FactorOptions::default(),
-        &Control::default(),
-    )
+    factors(&build(scene), &FactorOptions::default(), &Control::NEVER)
 }
 
 fn at(matrix: &FormFactors, from: &str, to: &str) -> f64 {
@@ -260,7 +258,7 @@ fn the_midpoint_rule_agrees() {
     let input = shaded_floor();
     let scene = build(&input);
     let evaluator = Evaluator::new(&scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
     let mut scratch = Scratch::default();
     let mut sum = 0.0;
     for i in 0..N * N {
@@ -284,7 +282,7 @@ fn estimated_errors_hold_what_finer_tolerances_find() {
             tolerance,
             ..FactorOptions::default()
         };
-        factors(&scene, &options, &Control::default())
+        factors(&scene, &options, &Control::NEVER)
     };
     let (rough, fine) = (with(1e-4), with(1e-8));
     assert!(rough.max_error() <= 1e-4 && fine.max_error() <= 1e-8);
@@ -306,7 +304,7 @@ fn one_thread_and_two_give_the_same_bits() {
             .num_threads(threads)
             .build()
             .expect("threads start");
-        pool.install(|| factors(&scene, &FactorOptions::default(), &Control::default()))
+        pool.install(|| factors(&scene, &FactorOptions::default(), &Control::NEVER))
     };
     let (one, two) = (run(1), run(2));
     let bits = |m: &FormFactors| -> Vec<u64> {
@@ -339,8 +337,8 @@ fn a_repaired_room_is_closed_and_reciprocal() {
 fn a_stopped_run_says_what_is_missing() {
     let scene = build(&furnished_room());
     let control = Control {
-        should_stop: &|| true,
-        ..Control::default()
+        stop: Stop::new(&|| true),
+        ..Control::NEVER
     };
     let mut matrix = factors(&scene, &FactorOptions::default(), &control);
     assert!(matrix.left_out > 0);

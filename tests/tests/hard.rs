@@ -7,6 +7,7 @@ use antumbra::scene::FaceId;
 use antumbra::{Control, Options, ReceiverMesh, Scene, Tolerance, mesh_order_key};
 use antumbra_tests::cases::{build, fixture, fixtures, json_files};
 use antumbra_tests::check_points::compare;
+use antumbra_tests::meshes::{orders_of, triangles};
 use antumbra_tests::motion::Motion;
 use glam::{DVec2, dvec3};
 use rayon::prelude::*;
@@ -45,12 +46,12 @@ fn table_of(name: &str) -> String {
     for warning in &built.warnings {
         let _ = writeln!(table, "  warning: {}", warning.message);
     }
-    let meshed = antumbra::mesh(&built.scene, &options(1e-3), &Control::default())
+    let meshed = antumbra::mesh(&built.scene, &options(1e-3), &Control::NEVER)
         .unwrap_or_else(|e| panic!("{name}: {e}"));
-    let _ = writeln!(table, "  {:?}", meshed.direct.ended);
-    for (mesh, curves) in meshed.direct.receivers.iter().zip(&meshed.curves) {
+    let _ = writeln!(table, "  {:?}", meshed.mesh.ended);
+    for (mesh, curves) in meshed.mesh.receivers.iter().zip(&meshed.curves) {
         let count = |key: &str| {
-            let orders = mesh.orders[curves.n_border..].iter();
+            let orders = orders_of(mesh)[curves.n_border..].iter();
             orders.filter(|&&o| mesh_order_key(o) == key).count()
         };
         if mesh.n_elements() <= 2 {
@@ -130,7 +131,7 @@ fn nothing_leaks_into_closed_places() {
         ("t-junctions", "floor-1", [[-0.25, -0.25], [0.5, 0.5]]),
     ] {
         let scene = build(&fixture(&format!("hard/{name}")));
-        let meshed = antumbra::mesh(&scene, &options(1e-3), &Control::default())
+        let meshed = antumbra::mesh(&scene, &options(1e-3), &Control::NEVER)
             .unwrap_or_else(|e| panic!("{name}: {e}"));
         // Horizontal, at the height of the surface.
         let [low, high] = region;
@@ -141,7 +142,7 @@ fn nothing_leaks_into_closed_places() {
             .z;
         let middle = dvec3(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), height);
         let face = antumbra_tests::scenes::place(&scene, surface, middle).face;
-        let mesh = &meshed.direct.receivers[face.index()];
+        let mesh = &meshed.mesh.receivers[face.index()];
         assert!(
             is_dark(&scene, mesh, face, region),
             "{name}: light on {surface}"
@@ -154,7 +155,7 @@ fn is_dark(scene: &Scene, mesh: &ReceiverMesh, face: FaceId, [low, high]: [[f64;
     assert_eq!(mesh.face, face);
     let mut n_inside = 0;
     let dark = (0..mesh.n_elements()).all(|t| {
-        let middle = mesh.mesh.corners(t as u32).iter().sum::<DVec2>() / 3.0;
+        let middle = triangles(mesh).corners(t as u32).iter().sum::<DVec2>() / 3.0;
         let p = scene.frame.to_file(mesh.chart.to_space(middle));
         if !(p.x > low[0] && p.x < high[0] && p.y > low[1] && p.y < high[1]) {
             return true;

@@ -2,7 +2,9 @@
 
 use antumbra::scene::FaceId;
 use antumbra::visibility::{View, critical_curves};
-use antumbra::{CriticalCurve, Discontinuity, Evaluator, EventKind, EventKinds, Scene, Scratch};
+use antumbra::{
+    Control, CriticalCurve, Discontinuity, Evaluator, EventKind, EventKinds, Scene, Scratch,
+};
 use antumbra_tests::cases::{build, fixture, fixtures, json_files};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -70,7 +72,15 @@ fn ratios(name: &str) -> Vec<(EventKind, f64, String)> {
     let emitters: Vec<FaceId> = evaluator.emitters().collect();
     let mut found = Vec::new();
     for face in scene.face_ids() {
-        let curves = critical_curves(&evaluator, face, EventKinds::ALL, 2f64.powi(-24)).curves;
+        let curves = critical_curves(
+            &evaluator,
+            face,
+            EventKinds::ALL,
+            2f64.powi(-24),
+            &Control::NEVER,
+        )
+        .unwrap_or_default()
+        .curves;
         for (i, curve) in curves.iter().enumerate() {
             if curve.kind() == EventKind::Contact {
                 continue;

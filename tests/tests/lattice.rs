@@ -11,6 +11,7 @@ use antumbra::{
     Control, Ended, Evaluator, EventKinds, Events, ExactLight, Options, ReceiverMesh, Scene,
 };
 use antumbra_tests::lattice::{lattice_scene, laws, varied_scene};
+use antumbra_tests::meshes::triangles;
 use antumbra_tests::scenes::unoccluded;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -103,28 +104,27 @@ fn mesh_is_sound(number: u64) -> Result<bool, String> {
         return Ok(false);
     };
     let scene = built.scene;
-    let options = Options {
-        events: match number % 4 {
-            0 => Events::Kinds(EventKinds::ALL),
-            _ => Events::OnDemand,
-        },
-        tolerance: antumbra::Tolerance::Relative(3e-2),
-        ..Options::default()
+    let events = match number % 4 {
+        0 => Events::Kinds(EventKinds::ALL),
+        _ => Events::OnDemand,
     };
-    let meshed =
-        antumbra::mesh(&scene, &options, &Control::default()).map_err(|e| e.to_string())?;
-    let ended = meshed.direct.ended;
+    let options = Options {
+        tolerance: antumbra::Tolerance::Relative(3e-2),
+        ..Options::with_events(events)
+    };
+    let meshed = antumbra::mesh(&scene, &options, &Control::NEVER).map_err(|e| e.to_string())?;
+    let ended = meshed.mesh.ended;
     if !matches!(ended, Ended::ToleranceReached | Ended::ResolutionReached) {
         return Err(format!("ended with {ended:?}"));
     }
-    for mesh in &meshed.direct.receivers {
-        mesh.mesh.check().map_err(|e| e.to_string())?;
+    for mesh in &meshed.mesh.receivers {
+        triangles(mesh).check().map_err(|e| e.to_string())?;
         let name = &scene.surface_of(mesh.face).name;
         let open = Scene::build(&unoccluded(&input, &[name]))
             .map_err(|problems| format!("{problems:?}"))?
             .scene;
         let evaluator = Evaluator::new(&open);
-        let light = ExactLight::new(&evaluator);
+        let light = ExactLight::new(&evaluator, &Control::NEVER);
         let mut scratch = antumbra::Scratch::default();
         let Some(surface) = open.surface_named(name) else {
             continue;

@@ -69,11 +69,11 @@ fn limited() -> Options {
 fn is_dark_in_mesh(scene: &SceneInput, surfaces: &[&str]) {
     for (motion, allowed) in poses().into_iter().zip([0.0, ROUNDING]) {
         let scene = build(&motion.scene(scene));
-        let meshed = antumbra::mesh(&scene, &limited(), &Control::default())
-            .unwrap_or_else(|e| panic!("{e}"));
+        let meshed =
+            antumbra::mesh(&scene, &limited(), &Control::NEVER).unwrap_or_else(|e| panic!("{e}"));
         for name in surfaces {
             let meshes = front_faces(&scene, name);
-            let meshes = meshes.iter().map(|f| &meshed.direct.receivers[f.index()]);
+            let meshes = meshes.iter().map(|f| &meshed.mesh.receivers[f.index()]);
             let nodes = meshes.flat_map(|mesh| {
                 let places = mesh.nodes.iter().map(|&uv| mesh.chart.to_space(uv));
                 places.zip(&mesh.direct)
@@ -91,12 +91,12 @@ fn is_dark_in_mesh(scene: &SceneInput, surfaces: &[&str]) {
 fn is_dark_in_elements(scene: &SceneInput, region: &Dark, allowed: f64) {
     for motion in poses() {
         let scene = build(&motion.scene(scene));
-        let meshed = antumbra::mesh(&scene, &limited(), &Control::default())
-            .unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!(meshed.direct.ended, Ended::ToleranceReached);
+        let meshed =
+            antumbra::mesh(&scene, &limited(), &Control::NEVER).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(meshed.mesh.ended, Ended::ToleranceReached);
         let middle = region.origin + 0.5 * (region.u + region.v);
         let face = place(&scene, &region.surface, motion.point(middle)).face;
-        let mesh = &meshed.direct.receivers[face.index()];
+        let mesh = &meshed.mesh.receivers[face.index()];
         let (u_sq, v_sq) = (region.u.length_squared(), region.v.length_squared());
         let back = motion.inverse();
         let mut n_inside = 0;
@@ -324,11 +324,11 @@ fn nodes_below_sills_of_one_height_see_nothing_beyond_the_wall() {
             ..limited()
         };
         let meshed =
-            antumbra::mesh(&scene, &options, &Control::default()).unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!(meshed.direct.ended, Ended::ToleranceReached);
+            antumbra::mesh(&scene, &options, &Control::NEVER).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(meshed.mesh.ended, Ended::ToleranceReached);
         let sill = scene.surface_named("left sill").expect("a sill");
         let mut n_lit = 0;
-        for mesh in &meshed.direct.receivers {
+        for mesh in &meshed.mesh.receivers {
             if scene.face(mesh.face).surface != sill {
                 continue;
             }
@@ -391,9 +391,9 @@ fn welded_room_is_closed_and_no_corner_moves_farther_than_asked_for() {
     }
     let brightest = |input: &SceneInput| {
         let scene = build(input);
-        let meshed = antumbra::mesh(&scene, &limited(), &Control::default())
-            .unwrap_or_else(|e| panic!("{e}"));
-        let inside = meshed.direct.receivers.iter().filter(|mesh| {
+        let meshed =
+            antumbra::mesh(&scene, &limited(), &Control::NEVER).unwrap_or_else(|e| panic!("{e}"));
+        let inside = meshed.mesh.receivers.iter().filter(|mesh| {
             let name = &scene.surface_of(mesh.face).name;
             name.starts_with("room")
         });
@@ -476,8 +476,8 @@ fn poses_of_rooms() -> [Motion; 3] {
 /// stands, face, and value.
 fn at_nodes_of_the_room(scene: &antumbra::Scene, mut visit: impl FnMut(FaceId, DVec3, f64)) {
     let meshed =
-        antumbra::mesh(scene, &limited(), &Control::default()).unwrap_or_else(|e| panic!("{e}"));
-    for mesh in &meshed.direct.receivers {
+        antumbra::mesh(scene, &limited(), &Control::NEVER).unwrap_or_else(|e| panic!("{e}"));
+    for mesh in &meshed.mesh.receivers {
         if !scene.surface_of(mesh.face).name.starts_with("room") {
             continue;
         }
@@ -535,7 +535,7 @@ fn points_of_closed_rooms_with_warped_walls_are_dark() {
             let pose = poses_of_rooms()[seed as usize % 3];
             let scene = build(&pose.scene(&room));
             let evaluator = Evaluator::new(&scene);
-            let light = ExactLight::new(&evaluator);
+            let light = ExactLight::new(&evaluator, &Control::NEVER);
             let mut scratch = Scratch::default();
             let mut random = SplitMix::new(seed);
             for face in scene.face_ids() {
@@ -578,7 +578,7 @@ fn nodes_of_warped_rooms_hold_the_light_beside_them() {
             let pose = poses_of_rooms()[seed as usize % 3];
             let scene = build(&pose.scene(&room));
             let evaluator = Evaluator::new(&scene);
-            let light = ExactLight::new(&evaluator);
+            let light = ExactLight::new(&evaluator, &Control::NEVER);
             let mut scratch = Scratch::default();
             at_nodes_of_the_room(&scene, |face, p, e| {
                 let corners = scene.positions(&scene.face(face).outline);

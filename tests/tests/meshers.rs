@@ -1,19 +1,19 @@
 //! The mesh generators that know nothing of shadows: what they promise.
 
-use antumbra::cells::{Beyond, CellForest, CellShape, Rule, uniform};
+use antumbra::cells::{Beyond, CellForest, CellMesh, CellShape, Rule, uniform};
 use antumbra::geom::{Chart, Stop};
 use antumbra::scene::FaceId;
 use antumbra::solver::cells::{
-    CellDirectOptions, CellGoal, CellReceiver, CellRefinement, edge_nodes,
+    CellDirectOptions, CellGoal, CellMeshes, CellReceiver, CellRefinement, edge_nodes,
 };
-use antumbra::solver::{Light, Limits, Sample};
+use antumbra::solver::{Light, Sample, Spot};
 use antumbra::{
-    CellEnded, CellMeshes, CellOptions, CellReceiverMesh, CellSize, CellSolution, Control,
-    DirectMesh, Estimator, Evaluator, ExactLight, Mesher, RadiosityOptions, Scene, Scratch,
-    Tolerance, cell_meshes, mesh_cells, solve_cells,
+    CellOptions, CellSize, Control, Ended, Estimator, Evaluator, ExactLight, Mesher, Options,
+    ReceiverMesh, Scene, Scratch, Solution, Tolerance, cell_meshes,
 };
-use antumbra_tests::bits::bits_of_cells;
+use antumbra_tests::bits::bits_of_meshes;
 use antumbra_tests::cases::{build, fixture};
+use antumbra_tests::meshes::gathered;
 use glam::{DVec2, DVec3, dvec2};
 use proptest::prelude::*;
 
@@ -32,30 +32,55 @@ const SHAPES: [CellShape; 3] = [
     CellShape::Mixed,
 ];
 
-fn meshed(scene: &Scene, options: &CellOptions) -> CellSolution {
-    let meshed = mesh_cells(scene, options, &Control::default());
+/// Cells of a degree, to a relative tolerance.
+fn asked(degree: Option<u8>, tolerance: f64, cells: CellOptions) -> Options {
+    Options {
+        tolerance: Tolerance::Relative(tolerance),
+        degree,
+        ..Options::with_cells(cells)
+    }
+}
+
+fn meshed(scene: &Scene, options: &Options) -> Solution {
+    let meshed = antumbra::mesh(scene, options, &Control::NEVER);
     meshed
-        .unwrap_or_else(|e| panic!("{:?}: {e}", options.mesher))
-        .direct
+        .unwrap_or_else(|e| panic!("{:?}: {e}", options.mesher()))
+        .mesh
+}
+
+fn spot(mesh: &ReceiverMesh, element: usize, at: [f64; 2]) -> Spot {
+    mesh.cells()
+        .expect("cells were asked for")
+        .spot(element, at)
+}
+
+/// The cells of a mesh.
+fn cells_of(mesh: &ReceiverMesh) -> &CellMesh {
+    &mesh.cells().expect("cells were asked for").mesh
 }
 
 /// The largest difference between the interpolants from both sides along all edges.
-fn crack(mesh: &CellReceiverMesh) -> f64 {
+fn crack(mesh: &ReceiverMesh) -> f64 {
     let mut worst = 0.0f64;
     for c in 0..mesh.n_elements() {
-        for k in 0..mesh.mesh.cells[c].corners().len() {
-            let other = match mesh.mesh.beyond(c, k) {
+        for k in 0..cells_of(mesh).cells[c].corners().len() {
+            let other = match cells_of(mesh).beyond(c, k) {
                 Beyond::Border | Beyond::Finer => continue,
                 Beyond::Cell(d) | Beyond::Coarser { cell: d, .. } => d as usize,
             };
             for i in 0..=20 {
                 let s = f64::from(i) / 20.0;
-                let [a, b] = mesh.mesh.cells[c]
+                let [a, b] = cells_of(mesh).cells[c]
                     .edge(k)
-                    .map(|v| mesh.mesh.vertices[v as usize]);
+                    .map(|v| cells_of(mesh).vertices[v as usize]);
                 let p = a + (b - a) * s;
-                let values = [c, other]
-                    .map(|c| mesh.interpolate(&mesh.direct, 1, c, mesh.mesh.reference(c, p))[0]);
+                let values = [c, other].map(|c| {
+                    mesh.interpolate(
+                        &mesh.direct,
+                        1,
+                        spot(mesh, c, cells_of(mesh).reference(c, p)),
+                    )[0]
+                });
                 worst = worst.max((values[0] - values[1]).abs());
             }
         }
@@ -69,22 +94,21 @@ fn t_vertices_crack_a_plain_quadtree_and_no_other_mesh() {
     for mesher in CELL_MESHERS {
         for shape in SHAPES {
             for degree in 1..=4 {
-                let options = CellOptions {
+                let cells = CellOptions {
                     mesher,
                     shape,
-                    degree: Some(degree),
                     size: CellSize::Elements(150),
                     ..CellOptions::default()
                 };
+                let options = asked(Some(degree), 1e-3, cells);
                 let solution = meshed(&scene, &options);
                 let floor = &solution.receivers[0];
-                floor
-                    .mesh
+                cells_of(floor)
                     .check()
                     .unwrap_or_else(|e| panic!("{mesher:?} {shape:?}: {e}"));
                 let worst = crack(floor) / solution.peak[0];
                 if mesher == Mesher::Quadtree {
-                    assert!(floor.mesh.n_t_vertices() > 0, "{shape:?}");
+                    assert!(cells_of(floor).n_t_vertices() > 0, "{shape:?}");
                     assert!(
                         worst > 1e-4,
                         "{shape:?} {degree}: the crack is {worst:e} only"
@@ -96,7 +120,7 @@ fn t_vertices_crack_a_plain_quadtree_and_no_other_mesh() {
                     );
                 }
                 if mesher == Mesher::TriQuadtree {
-                    assert_eq!(floor.mesh.n_t_vertices(), 0, "{shape:?}");
+                    assert_eq!(cells_of(floor).n_t_vertices(), 0, "{shape:?}");
                 }
             }
         }
@@ -108,21 +132,22 @@ fn restricted_quadtrees_are_restricted() {
     let scene = build(&fixture("basic/two-triangles"));
     for mesher in [Mesher::Restricted, Mesher::Adaptive, Mesher::TriQuadtree] {
         for shape in SHAPES {
-            let options = CellOptions {
+            let cells = CellOptions {
                 mesher,
                 shape,
                 size: CellSize::Elements(800),
                 ..CellOptions::default()
             };
+            let options = asked(None, 1e-3, cells);
             for receiver in &meshed(&scene, &options).receivers {
                 for c in 0..receiver.n_elements() {
-                    let cell = &receiver.mesh.cells[c];
+                    let cell = &cells_of(receiver).cells[c];
                     for k in 0..cell.corners().len() {
-                        let other = match receiver.mesh.beyond(c, k) {
+                        let other = match cells_of(receiver).beyond(c, k) {
                             Beyond::Cell(d) | Beyond::Coarser { cell: d, .. } => d,
                             Beyond::Border | Beyond::Finer => continue,
                         };
-                        let other = receiver.mesh.cells[other as usize].level;
+                        let other = cells_of(receiver).cells[other as usize].level;
                         assert!(cell.level.abs_diff(other) <= 1, "{mesher:?} {shape:?}");
                     }
                 }
@@ -132,9 +157,9 @@ fn restricted_quadtrees_are_restricted() {
 }
 
 /// Root mean square and largest error over a lattice of points of the floor.
-fn errors(scene: &Scene, solution: &CellSolution) -> [f64; 2] {
+fn errors(scene: &Scene, solution: &Solution) -> [f64; 2] {
     let evaluator = Evaluator::new(scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
     let mut scratch = Scratch::default();
     let floor = &solution.receivers[0];
     let (mut square, mut max, mut n) = (0.0, 0.0f64, 0.0);
@@ -145,7 +170,7 @@ fn errors(scene: &Scene, solution: &CellSolution) -> [f64; 2] {
             let place = antumbra::values::place(scene, "floor", point).expect("on the floor");
             let exact = light.at(floor.face, place.point, &mut scratch)[0];
             let uv: DVec2 = floor.chart.to_chart(place.point);
-            let value = solution.direct_at(0, uv).expect("on the mesh")[0];
+            let value = floor.direct_at(floor.locate(uv).expect("on the mesh"))[0];
             square += (value - exact) * (value - exact);
             max = max.max((value - exact).abs());
             n += 1.0;
@@ -161,13 +186,13 @@ fn uniform_meshes_converge_with_the_order_of_the_degree_where_light_is_smooth() 
     for shape in SHAPES {
         for degree in 1..=4u8 {
             let rms = [0.25, 0.125].map(|length| {
-                let options = CellOptions {
+                let cells = CellOptions {
                     mesher: Mesher::Uniform,
                     shape,
-                    degree: Some(degree),
                     size: CellSize::Length(length),
                     ..CellOptions::default()
                 };
+                let options = asked(Some(degree), 1e-3, cells);
                 errors(&scene, &meshed(&scene, &options))[0]
             });
             let order = (rms[0] / rms[1]).log2();
@@ -190,13 +215,13 @@ fn shadow_boundaries_hold_uniform_meshes_to_order_one_and_a_half() {
             let points: Vec<[f64; 2]> = sizes
                 .iter()
                 .map(|n: &f64| {
-                    let options = CellOptions {
+                    let cells = CellOptions {
                         mesher: Mesher::Uniform,
                         shape,
-                        degree: Some(degree),
                         size: CellSize::Length(4.0 / n),
                         ..CellOptions::default()
                     };
+                    let options = asked(Some(degree), 1e-3, cells);
                     [-n.ln(), errors(&scene, &meshed(&scene, &options))[0].ln()]
                 })
                 .collect();
@@ -223,24 +248,24 @@ fn tolerance_reached_is_true_at_other_points() {
     let scene = build(&fixture("basic/unoccluded"));
     for mesher in CELL_MESHERS {
         for shape in SHAPES {
-            let options = CellOptions {
+            let cells = CellOptions {
                 mesher,
                 shape,
-                size: CellSize::Tolerance(Tolerance::Relative(1e-3)),
+                size: CellSize::Tolerance,
                 ..CellOptions::default()
             };
+            let options = asked(None, 1e-3, cells);
             let solution = meshed(&scene, &options);
             assert_eq!(
                 solution.ended,
-                CellEnded::ToleranceReached,
+                Ended::ToleranceReached,
                 "{mesher:?} {shape:?}"
             );
             let [_, max] = errors(&scene, &solution);
             println!(
-                "{mesher:?} {shape:?}: {} elements, {} + {} evaluations, {max:.1e}",
+                "{mesher:?} {shape:?}: {} elements, {} evaluations, {max:.1e}",
                 solution.n_elements(),
-                solution.receivers[0].node_evaluations,
-                solution.receivers[0].check_evaluations
+                solution.receivers[0].exact_evaluations
             );
             assert!(max <= 1e-3, "{mesher:?} {shape:?}: {max}");
         }
@@ -251,18 +276,18 @@ fn tolerance_reached_is_true_at_other_points() {
 fn estimators_are_effective_where_light_is_smooth() {
     let scene = build(&fixture("basic/unoccluded"));
     let evaluator = Evaluator::new(&scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
     for shape in SHAPES {
         for degree in 1..=4 {
-            let options = CellOptions {
+            let cells = CellOptions {
                 mesher: Mesher::Uniform,
                 shape,
-                degree: Some(degree),
                 size: CellSize::Length(0.25),
                 ..CellOptions::default()
             };
+            let options = asked(Some(degree), 1e-3, cells);
             let mut meshes =
-                cell_meshes(&evaluator, &light, &options, &Control::default()).unwrap();
+                cell_meshes(&evaluator, &light, &options, &cells, &Control::NEVER).unwrap();
             let truth = meshes.true_errors(30, &light, Stop::NEVER).unwrap();
             for estimator in Estimator::ALL {
                 let estimate = meshes.estimates(estimator, &light, Stop::NEVER).unwrap();
@@ -352,7 +377,7 @@ fn polygon_mesh(
     rule: Rule,
     light: &Polynomial,
     degree: u8,
-) -> CellSolution {
+) -> Solution {
     let receiver = CellReceiver {
         is_thin: false,
         face: FaceId(0),
@@ -374,7 +399,7 @@ fn polygon_mesh(
         least_size: 1e-4,
         most_elements: 100_000,
     };
-    CellMeshes::solve(vec![receiver], light, &options, &Limits::NONE, &|_, _| {}).finish()
+    CellMeshes::solve(vec![receiver], light, &options, &Control::NEVER).finish()
 }
 
 #[test]
@@ -395,8 +420,8 @@ fn polynomials_of_the_degree_are_reproduced() {
                 assert!(mesh.n_elements() >= 150, "{shape:?} {rule:?}");
                 for c in 0..mesh.n_elements() {
                     for at in [[0.2, 0.3], [0.61, 0.17], [0.05, 0.9]] {
-                        let value = mesh.interpolate(&mesh.direct, 1, c, at)[0];
-                        let exact = light.at(mesh.mesh.point(c, at));
+                        let value = mesh.interpolate(&mesh.direct, 1, spot(mesh, c, at))[0];
+                        let exact = light.at(cells_of(mesh).point(c, at));
                         assert!((value - exact).abs() < 1e-11, "{shape:?} {rule:?} {degree}");
                     }
                 }
@@ -463,17 +488,18 @@ proptest! {
 fn meshes_are_bit_identical_for_any_number_of_threads() {
     let scene = build(&fixture("contact/table"));
     for mesher in CELL_MESHERS {
-        let options = CellOptions {
+        let cells = CellOptions {
             mesher,
             size: CellSize::Elements(600),
             ..CellOptions::default()
         };
+        let options = asked(None, 1e-3, cells);
         let [one, three] = [1, 3].map(|n| {
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(n)
                 .build()
                 .unwrap();
-            pool.install(|| bits_of_cells(&meshed(&scene, &options)))
+            pool.install(|| bits_of_meshes(&meshed(&scene, &options)))
         });
         assert!(one == three, "{mesher:?}");
     }
@@ -483,15 +509,15 @@ fn meshes_are_bit_identical_for_any_number_of_threads() {
 fn substructuring_ends_at_the_least_size() {
     let scene = build(&fixture("contact/box-on-floor"));
     let least_size = 1.0 / 64.0;
-    let options = CellOptions {
+    let cells = CellOptions {
         mesher: Mesher::Adaptive,
-        degree: Some(2),
-        size: CellSize::Tolerance(Tolerance::Relative(1e-3)),
+        size: CellSize::Tolerance,
         least_size,
         ..CellOptions::default()
     };
+    let options = asked(Some(2), 1e-3, cells);
     let solution = meshed(&scene, &options);
-    assert_eq!(solution.ended, CellEnded::LeastSizeReached);
+    assert_eq!(solution.ended, Ended::ResolutionReached);
     let floor = &solution.receivers[0];
     assert!(!floor.unresolved.is_empty());
     let diagonal = floor
@@ -499,7 +525,7 @@ fn substructuring_ends_at_the_least_size() {
         .iter()
         .fold(0.0, |d: f64, p| d.max(p.distance(floor.nodes[0])));
     for c in 0..floor.n_elements() {
-        assert!(floor.mesh.longest_edge(c) > 0.49 * least_size * diagonal);
+        assert!(cells_of(floor).longest_edge(c) > 0.49 * least_size * diagonal);
     }
 }
 
@@ -507,13 +533,15 @@ fn substructuring_ends_at_the_least_size() {
 fn estimators_that_are_fooled_do_not_claim_the_tolerance() {
     let scene = build(&fixture("basic/two-triangles"));
     for estimator in Estimator::ALL {
-        let options = CellOptions {
+        let cells = CellOptions {
             mesher: Mesher::Restricted,
-            degree: Some(2),
-            size: CellSize::Tolerance(Tolerance::Relative(1e-2)),
+            size: CellSize::Tolerance,
             estimator,
-            most_elements: 200_000,
             ..CellOptions::default()
+        };
+        let options = Options {
+            most_elements: 200_000,
+            ..asked(Some(2), 1e-2, cells)
         };
         let solution = meshed(&scene, &options);
         println!(
@@ -524,7 +552,7 @@ fn estimators_that_are_fooled_do_not_claim_the_tolerance() {
             solution.ended
         );
         let is_within = solution.measured_max_error <= 1e-2;
-        assert_eq!(solution.ended == CellEnded::ToleranceReached, is_within);
+        assert_eq!(solution.ended == Ended::ToleranceReached, is_within);
         if estimator == Estimator::Measured {
             assert!(is_within);
         }
@@ -535,46 +563,42 @@ fn estimators_that_are_fooled_do_not_claim_the_tolerance() {
 fn interreflection_on_cells_is_that_of_the_solution() {
     let scene = build(&fixture("basic/floating-box"));
     let evaluator = Evaluator::new(&scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
     for mesher in [Mesher::Uniform, Mesher::TriQuadtree, Mesher::Adaptive] {
         let tolerance = 2e-2;
-        let options = CellOptions {
+        let cells = CellOptions {
             mesher,
-            size: CellSize::Tolerance(Tolerance::Relative(tolerance)),
+            size: CellSize::Tolerance,
             ..CellOptions::default()
         };
-        let radiosity = RadiosityOptions::default();
-        let solved = solve_cells(&scene, &options, &radiosity, &Control::default()).unwrap();
+        let options = asked(None, tolerance, cells);
+        let solved = antumbra::solve(&scene, &options, &Control::NEVER).unwrap();
         let mut worst = 0.0f64;
-        for (f, mesh) in solved.cells.receivers.iter().enumerate() {
+        for (f, mesh) in solved.mesh.receivers.iter().enumerate() {
             assert_eq!(mesh.irradiance.len(), mesh.direct.len());
             for (k, &uv) in mesh.nodes.iter().enumerate().step_by(17) {
                 assert!(mesh.irradiance[k] >= mesh.direct[k] - 1e-9);
                 // In the middle of elements, where no node is.
-                let Some((c, _)) = mesh.locate(uv) else {
+                let Some(Spot { element: c, .. }) = mesh.locate(uv) else {
                     continue;
                 };
                 let at = [0.37, 0.41];
-                let point = mesh.chart.to_space(mesh.mesh.point(c, at));
+                let point = mesh.chart.to_space(cells_of(mesh).point(c, at));
                 let place = antumbra::values::Place {
                     face: mesh.face,
                     point,
                 };
-                let exact = antumbra::values::solved(
-                    &light,
-                    &evaluator,
-                    &solved.patches.radiosity,
-                    &[place],
-                )[0][0];
-                let value = mesh.interpolate(&mesh.irradiance, 1, c, at)[0];
+                let found = gathered(&light, &evaluator, &solved, &[place]);
+                let exact = found[0][0];
+                let value = mesh.interpolate(&mesh.irradiance, 1, spot(mesh, c, at))[0];
                 assert_eq!(f, mesh.face.index());
                 worst = worst.max((value - exact).abs());
             }
         }
-        let relative = worst / solved.cells.peak[0];
+        let relative = worst / solved.mesh.peak[0];
         println!(
             "{mesher:?}: {relative:.1e}, {} elements",
-            solved.cells.n_elements()
+            solved.mesh.n_elements()
         );
         if mesher == Mesher::Adaptive {
             assert!(relative <= tolerance, "{relative}");
@@ -585,13 +609,13 @@ fn interreflection_on_cells_is_that_of_the_solution() {
 #[test]
 fn uniform_meshes_are_given_up_where_no_size_helps() {
     let scene = build(&fixture("contact/box-on-floor"));
-    let options = CellOptions {
+    let cells = CellOptions {
         mesher: Mesher::Uniform,
-        degree: Some(1),
-        size: CellSize::Tolerance(Tolerance::Relative(1e-2)),
+        size: CellSize::Tolerance,
         ..CellOptions::default()
     };
+    let options = asked(Some(1), 1e-2, cells);
     let solution = meshed(&scene, &options);
-    assert_eq!(solution.ended, CellEnded::Stalled);
+    assert_eq!(solution.ended, Ended::Stalled);
     assert!(solution.n_elements() < 100_000);
 }

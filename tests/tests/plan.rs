@@ -2,26 +2,34 @@
 
 use antumbra::scene::SceneInput;
 use antumbra::{
-    Control, Decision, Evaluator, EventKind, EventKinds, Events, ExactLight, Meshed, Options, Plan,
-    Quantity, Scene, Tolerance, values,
+    Control, Decision, Evaluator, EventKind, EventKinds, Events, ExactLight, Options, Outcome,
+    Plan, Quantity, Scene, Tolerance, values,
 };
 use antumbra_tests::cases::{build, fixture};
 use antumbra_tests::random::SplitMix;
 use glam::DVec3;
 
 fn options(events: Events) -> Options {
-    Options {
-        events,
-        ..Options::default()
-    }
+    Options::with_events(events)
 }
 
 fn plan(scene: &Scene, quantity: Quantity) -> Plan {
-    antumbra::plan(scene, &Options::default(), quantity, &Control::default())
+    antumbra::plan(scene, &Options::default(), quantity, &Control::NEVER)
 }
 
-fn mesh(scene: &Scene, events: Events) -> Meshed {
-    antumbra::mesh(scene, &options(events), &Control::default()).unwrap_or_else(|e| panic!("{e}"))
+fn plan_of(outcome: &Outcome) -> &Plan {
+    outcome.plan.as_ref().expect("meshes along curves have one")
+}
+
+/// Indirect light at one place.
+fn gathered(outcome: &Outcome, evaluator: &Evaluator<'_>, at: [(usize, DVec3); 1]) -> f64 {
+    let radiosity = outcome.radiosity.as_ref().expect("it was solved");
+    let found = radiosity.gather(evaluator, &at, &Control::NEVER);
+    found[0].as_ref().expect("nothing stops it")[0]
+}
+
+fn mesh(scene: &Scene, events: Events) -> Outcome {
+    antumbra::mesh(scene, &options(events), &Control::NEVER).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn decision(plan: &Plan, name: &str) -> Decision {
@@ -55,7 +63,7 @@ fn an_empty_shaft_needs_no_occlusion_and_no_curves() {
         &shadowed,
         &Options::default(),
         Quantity::Direct,
-        &Control::default(),
+        &Control::NEVER,
     );
     assert_eq!(decision(&plan, "occlusion"), Decision::Simulated);
     assert_eq!(decision(&plan, "facet"), Decision::Simulated);
@@ -74,7 +82,7 @@ fn meshing_does_what_the_plan_says() {
                 plan.lines[kind as usize],
                 meshed.events.inserted[kind as usize],
             );
-            let carried_out = decision(&meshed.plan, kind.key());
+            let carried_out = decision(plan_of(&meshed), kind.key());
             match decision(&plan, kind.key()) {
                 Decision::Absent => assert_eq!(inserted, 0, "{name} {kind:?}"),
                 Decision::Simulated => assert!(lines > 0, "{name} {kind:?}"),
@@ -89,7 +97,7 @@ fn meshing_does_what_the_plan_says() {
         // grades down. Small meshes apart.
         let expected = plan.expected.unwrap_or_else(|| panic!("{name}"));
         let took: u64 = meshed
-            .direct
+            .mesh
             .receivers
             .iter()
             .map(|r| r.exact_evaluations)
@@ -132,9 +140,8 @@ fn switching_an_omitted_kind_of_event_on_changes_no_value_by_more_than_its_bound
         let scene = build(&input);
         let auto = mesh(&scene, Events::OnDemand);
         let all = mesh(&scene, Events::Kinds(EventKinds::ALL));
-        let peak = all.direct.peak[0].max(auto.direct.peak[0]);
-        let bound = auto
-            .plan
+        let peak = all.mesh.peak[0].max(auto.mesh.peak[0]);
+        let bound = plan_of(&auto)
             .effects
             .iter()
             .filter(|e| EventKind::from_key(e.name).is_some())
@@ -145,7 +152,7 @@ fn switching_an_omitted_kind_of_event_on_changes_no_value_by_more_than_its_bound
             let Ok(place) = values::place(&scene, &surface, point) else {
                 continue;
             };
-            let value = |m: &Meshed| values::on_mesh(&m.direct, &place).map(|v| v[0]);
+            let value = |m: &Outcome| values::on_mesh(&m.mesh, &place).map(|v| v[0]);
             if let (Some(a), Some(b)) = (value(&auto), value(&all)) {
                 assert!(
                     (a - b).abs() <= bound * peak,
@@ -175,18 +182,20 @@ fn interreflection_is_left_out_where_its_bound_is_below_a_tenth_of_the_tolerance
     assert_eq!(effect.decision, Decision::LeftOut);
     assert!(effect.bound <= 1e-4 && effect.bound > 0.0);
     // Switched on by asking for a finer tolerance: no value changes by more.
-    let off =
-        antumbra::solve(&scene, &options, &Control::default()).unwrap_or_else(|e| panic!("{e}"));
+    let off = antumbra::solve(&scene, &options, &Control::NEVER).unwrap_or_else(|e| panic!("{e}"));
     let fine = Options {
         tolerance: Tolerance::Relative(1e-5),
         degree: Some(3),
         ..options
     };
-    let on = antumbra::solve(&scene, &fine, &Control::default()).unwrap_or_else(|e| panic!("{e}"));
-    assert_eq!(decision(&on.plan, "interreflection"), Decision::Simulated);
+    let on = antumbra::solve(&scene, &fine, &Control::NEVER).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(
+        decision(plan_of(&on), "interreflection"),
+        Decision::Simulated
+    );
     let evaluator = Evaluator::new(&scene);
-    let light = ExactLight::new(&evaluator);
-    let peak = on.radiosity.meshes.peak[0];
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
+    let peak = on.mesh.peak[0];
     let mut scratch = antumbra::Scratch::default();
     for (surface, point) in points(&input, 100) {
         let Ok(place) = values::place(&scene, &surface, point) else {
@@ -194,10 +203,10 @@ fn interreflection_is_left_out_where_its_bound_is_below_a_tenth_of_the_tolerance
         };
         let direct = light.at(place.face, place.point, &mut scratch)[0];
         let at = [(place.face.index(), place.point)];
-        let total = |s: &antumbra::Solved| direct + s.radiosity.gather(&evaluator, &at)[0][0];
+        let total = |s: &antumbra::Outcome| direct + gathered(s, &evaluator, at);
         assert!((total(&on) - total(&off)).abs() <= effect.bound * peak * 1.01);
     }
-    for mesh in &off.radiosity.meshes.receivers {
+    for mesh in &off.mesh.receivers {
         assert_eq!(mesh.direct, mesh.irradiance, "nothing is reflected");
     }
 }
@@ -220,14 +229,13 @@ fn on_demand_needs_fewer_evaluations_than_all_curves_or_none() {
         let scene = build(&fixture(name));
         let evaluations = |events: Events, tolerance: f64| -> u64 {
             let options = Options {
-                events,
                 tolerance: Tolerance::Relative(tolerance),
-                ..Options::default()
+                ..Options::with_events(events)
             };
-            let meshed = antumbra::mesh(&scene, &options, &Control::default())
-                .unwrap_or_else(|e| panic!("{e}"));
+            let meshed =
+                antumbra::mesh(&scene, &options, &Control::NEVER).unwrap_or_else(|e| panic!("{e}"));
             meshed
-                .direct
+                .mesh
                 .receivers
                 .iter()
                 .map(|r| r.exact_evaluations)

@@ -5,7 +5,7 @@
 
 use antumbra::SceneInput;
 use antumbra::scene::SurfaceInput;
-use antumbra::{Control, Meshed, Options};
+use antumbra::{Control, Options, Outcome};
 use antumbra_tests::cases::{build, fixture, fixtures, json_files};
 use antumbra_tests::motion::Motion;
 use antumbra_tests::random::SplitMix;
@@ -32,14 +32,14 @@ fn names(folders: &[&str], but: &[&str]) -> Vec<String> {
 /// Coordinates are dyadic with few digits.
 const SHORT: [&str; 4] = ["basic", "alignment", "contact", "penetration"];
 
-fn mesh(name: &str, input: &SceneInput) -> Meshed {
-    antumbra::mesh(&build(input), &Options::default(), &Control::default())
+fn mesh(name: &str, input: &SceneInput) -> Outcome {
+    antumbra::mesh(&build(input), &Options::default(), &Control::NEVER)
         .unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 /// Elements of every receiver.
-fn sizes(meshed: &Meshed) -> Vec<usize> {
-    let receivers = meshed.direct.receivers.iter();
+fn sizes(meshed: &Outcome) -> Vec<usize> {
+    let receivers = meshed.mesh.receivers.iter();
     receivers.map(|r| r.n_elements()).collect()
 }
 
@@ -73,7 +73,7 @@ fn differences(name: &str, motion: &Motion) -> Vec<String> {
             sizes(&moved)
         ));
     }
-    let peak = plain.direct.peak[0].max(f64::MIN_POSITIVE);
+    let peak = plain.mesh.peak[0].max(f64::MIN_POSITIVE);
     for (surface, p) in spots(&input, 20) {
         let here = exact(&input, &surface, &[p])[0];
         let there = exact(&image, &surface, &[motion.point(p)])[0];

@@ -1,10 +1,11 @@
 //! Steps after meshing lower the true error, or say that they do not.
 
 use antumbra::{
-    AfterStep, Control, Evaluator, EventKinds, Events, ExactLight, Meshed, Options, Scene, Scratch,
-    Tolerance, values,
+    AfterStep, Control, CurveOptions, Evaluator, EventKinds, Events, ExactLight, Generator,
+    Options, Outcome, Scene, Scratch, Tolerance, values,
 };
 use antumbra_tests::cases::{build, fixture};
+use antumbra_tests::meshes::triangles;
 use rayon::prelude::*;
 
 /// All that is written here, and what stands for real scenes.
@@ -23,28 +24,30 @@ const FIXTURES: [&str; 12] = [
     "real/cornell-box",
 ];
 
-fn mesh(scene: &Scene, events: Events, after: &[AfterStep]) -> Meshed {
+fn mesh(scene: &Scene, events: Events, after: &[AfterStep]) -> Outcome {
     let options = Options {
         tolerance: Tolerance::Relative(2e-2),
         degree: Some(2),
-        events,
-        after: std::array::from_fn(|k| after.get(k).copied()),
+        generator: Generator::Curves(CurveOptions {
+            events,
+            after: std::array::from_fn(|k| after.get(k).copied()),
+        }),
         ..Options::default()
     };
-    antumbra::mesh(scene, &options, &Control::default()).unwrap_or_else(|e| panic!("{e}"))
+    antumbra::mesh(scene, &options, &Control::NEVER).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Root mean square of the error at random places, relative to the peak.
-fn rms(scene: &Scene, meshed: &Meshed) -> f64 {
+fn rms(scene: &Scene, meshed: &Outcome) -> f64 {
     let evaluator = Evaluator::new(scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
     let places = values::random_places(scene, 20_000, &|_| true);
     let squares: Vec<f64> = places
         .par_iter()
         .map_init(Scratch::default, |scratch, place| {
             let exact = values::exact(&light, place, scratch)[0];
-            let found = values::on_mesh(&meshed.direct, place).map_or(0.0, |v| v[0]);
-            ((found - exact) / meshed.direct.peak[0]).powi(2)
+            let found = values::on_mesh(&meshed.mesh, place).map_or(0.0, |v| v[0]);
+            ((found - exact) / meshed.mesh.peak[0]).powi(2)
         })
         .collect();
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
@@ -72,9 +75,8 @@ fn lowers_the_error(step: AfterStep, events: Events) {
             done.n_improved > 0,
             "{name}: {done:?}"
         );
-        for receiver in &meshed.direct.receivers {
-            receiver
-                .mesh
+        for receiver in &meshed.mesh.receivers {
+            triangles(receiver)
                 .check()
                 .unwrap_or_else(|e| panic!("{name}: {e}"));
         }
@@ -115,13 +117,13 @@ fn relocation_opens_no_leak() {
     let scene = build(&fixture("contact/closed-box-lit-from-outside"));
     let meshed = mesh(&scene, Events::OnDemand, &[AfterStep::Relocate]);
     let plain = mesh(&scene, Events::OnDemand, &[]);
-    for (moved, still) in meshed.direct.receivers.iter().zip(&plain.direct.receivers) {
+    for (moved, still) in meshed.mesh.receivers.iter().zip(&plain.mesh.receivers) {
         let is_dark = still.direct.iter().all(|&e| e == 0.0);
         if is_dark {
             assert!(moved.direct.iter().all(|&e| e == 0.0));
         }
-        let area = moved.mesh.total_area();
-        assert!((area - still.mesh.total_area()).abs() <= 1e-12 * area);
+        let area = triangles(moved).total_area();
+        assert!((area - triangles(still).total_area()).abs() <= 1e-12 * area);
     }
 }
 

@@ -68,17 +68,17 @@ fn is_bounded(name: &str, scene: impl Fn(f64) -> SceneInput + Sync) {
                 most_elements: 100_000,
                 ..Options::default()
             };
-            let meshed = antumbra::mesh(&build(&scene(t)), &options, &Control::default())
+            let meshed = antumbra::mesh(&build(&scene(t)), &options, &Control::NEVER)
                 .unwrap_or_else(|e| panic!("{name} at {t:e}: {e}"));
             assert!(
                 matches!(
-                    meshed.direct.ended,
+                    meshed.mesh.ended,
                     Ended::ToleranceReached | Ended::ResolutionReached
                 ),
                 "{name} at {t:e}: {:?}",
-                meshed.direct.ended
+                meshed.mesh.ended
             );
-            let receivers = meshed.direct.receivers.iter();
+            let receivers = meshed.mesh.receivers.iter();
             let evaluations = receivers.clone().map(|r| r.exact_evaluations).sum();
             (t, receivers.map(|r| r.n_elements()).sum(), evaluations)
         })

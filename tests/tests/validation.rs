@@ -3,6 +3,7 @@
 use antumbra::values::{self, Place};
 use antumbra::{Control, Evaluator, ExactLight, Options, Scene, Scratch, Tolerance};
 use antumbra_tests::cases::{Case, Probe, build, folder};
+use antumbra_tests::meshes::gathered;
 use rayon::prelude::*;
 
 /// Meshing of these at the finer tolerances takes minutes with the checks on.
@@ -58,7 +59,7 @@ fn judge(case: &Case) -> Vec<String> {
 
 fn judge_exact(case: &Case, scene: &Scene) -> Vec<String> {
     let evaluator = Evaluator::new(scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
     let mut scratch = Scratch::default();
     let peak = largest(&case.values);
     let allowed = case.atol_exact * if peak > 0.0 { peak } else { 1.0 };
@@ -96,12 +97,12 @@ fn judge_mesh(case: &Case, scene: &Scene, tolerance: f64) -> Result<(), String> 
         tolerance: Tolerance::Relative(tolerance),
         ..Options::default()
     };
-    let meshed = antumbra::mesh(scene, &options, &Control::default()).map_err(|e| e.to_string())?;
+    let meshed = antumbra::mesh(scene, &options, &Control::NEVER).map_err(|e| e.to_string())?;
     let want = largest(&case.values);
-    let peak = largest(&meshed.direct.peak);
+    let peak = largest(&meshed.mesh.peak);
     if want == 0.0 {
         let lit = meshed
-            .direct
+            .mesh
             .receivers
             .iter()
             .flat_map(|r| &r.direct)
@@ -119,22 +120,22 @@ fn judge_mesh(case: &Case, scene: &Scene, tolerance: f64) -> Result<(), String> 
             continue;
         };
         let place = values::place(scene, surface, *point).map_err(|e| e.to_string())?;
-        let got = values::on_mesh(&meshed.direct, &place)
+        let got = values::on_mesh(&meshed.mesh, &place)
             .ok_or_else(|| format!("({point}) of '{surface}' is in no element"))?;
         errors.push((got[0] - want).abs() / peak);
     }
     errors.sort_by(f64::total_cmp);
     let n_excused = (case.wrong_side_fraction * errors.len() as f64).floor() as usize;
     let worst = errors[errors.len() - 1 - n_excused];
-    let claimed = meshed.direct.measured_max_error;
+    let claimed = meshed.mesh.measured_max_error;
     // NaN fails both.
     if worst <= 1.05 * tolerance && claimed <= tolerance {
         return Ok(());
     }
-    let n_elements: usize = meshed.direct.receivers.iter().map(|r| r.n_elements()).sum();
+    let n_elements: usize = meshed.mesh.receivers.iter().map(|r| r.n_elements()).sum();
     Err(format!(
         "worst {worst:.2e} of the peak ({n_excused} points excused), claimed {claimed:.2e}, {n_elements} elements, {:?}",
-        meshed.direct.ended
+        meshed.mesh.ended
     ))
 }
 
@@ -156,7 +157,7 @@ fn solved(id: &str) -> (Case, Vec<Compared>) {
         .expect("the case is there");
     assert_eq!(case.kind, "radiosity", "{id}");
     let scene = build(&case.scene);
-    let solved = antumbra::solve(&scene, &Options::default(), &Control::default())
+    let solved = antumbra::solve(&scene, &Options::default(), &Control::NEVER)
         .unwrap_or_else(|e| panic!("{id}: {e}"));
     let places: Vec<Place> = case
         .points
@@ -169,8 +170,8 @@ fn solved(id: &str) -> (Case, Vec<Compared>) {
         })
         .collect();
     let evaluator = Evaluator::new(&scene);
-    let light = ExactLight::new(&evaluator);
-    let found = values::solved(&light, &evaluator, &solved.radiosity, &places);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
+    let found = gathered(&light, &evaluator, &solved, &places);
     let compared = case
         .points
         .iter()

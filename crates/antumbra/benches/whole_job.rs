@@ -80,25 +80,41 @@ fn whole_job(criterion: &mut Criterion) {
         let scene = boxes(n);
         let name = format!("{} boxes", n * n);
         let evaluator = Evaluator::new(&scene);
-        let found = critical_curves(&evaluator, FaceId(0), EventKinds::ALL, 1e-7);
-        let meshed = mesh(&scene, &Options::default(), &Control::default()).expect("meshes");
+        let found = critical_curves(
+            &evaluator,
+            FaceId(0),
+            EventKinds::ALL,
+            1e-7,
+            &Control::NEVER,
+        )
+        .unwrap_or_default();
+        let meshed = mesh(&scene, &Options::default(), &Control::NEVER).expect("meshes");
         let evaluations: u64 = meshed
-            .direct
+            .mesh
             .receivers
             .iter()
             .map(|r| r.exact_evaluations)
             .sum();
-        let elements: usize = meshed.direct.receivers.iter().map(|r| r.n_elements()).sum();
+        let elements: usize = meshed.mesh.receivers.iter().map(|r| r.n_elements()).sum();
         let counts = format!(
             "{} candidates, {} curves, {elements} elements, {evaluations} evaluations",
             found.candidates.iter().sum::<u64>(),
             found.active.iter().sum::<u64>(),
         );
         group.bench_function(BenchmarkId::new(format!("events, {name}"), &counts), |b| {
-            b.iter(|| critical_curves(&evaluator, FaceId(0), EventKinds::ALL, 1e-7));
+            b.iter(|| {
+                critical_curves(
+                    &evaluator,
+                    FaceId(0),
+                    EventKinds::ALL,
+                    1e-7,
+                    &Control::NEVER,
+                )
+                .unwrap_or_default()
+            });
         });
         group.bench_function(BenchmarkId::new(format!("mesh, {name}"), &counts), |b| {
-            b.iter(|| mesh(&scene, &Options::default(), &Control::default()));
+            b.iter(|| mesh(&scene, &Options::default(), &Control::NEVER));
         });
     }
     group.finish();

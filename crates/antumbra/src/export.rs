@@ -1,35 +1,30 @@
 //! From the engine's meshes to what the writers write.
 
-use crate::pipeline::ReceiverCurves;
+use crate::outcome::{Outcome, ReceiverCurves};
 use antumbra_geom::{Chart, distance_to_segment};
 use antumbra_io::model::{Curve, CurveEdge, FactorTable, Field, MeshedScene, SurfaceMesh};
-use antumbra_mesh::Order;
 use antumbra_mesh::cells::Beyond;
+use antumbra_mesh::{Order, TriMesh};
 use antumbra_scene::{EdgeId, FaceId, Scene, Surface, VertexId};
-use antumbra_solver::cells::{CellReceiverMesh, CellSolution};
-use antumbra_solver::{DirectSolution, FormFactors, ReceiverMesh};
+use antumbra_solver::{Cells, Elements, FormFactors, ReceiverMesh};
 use antumbra_visibility::{CriticalCurve, Discontinuity, Event};
 use glam::DVec2;
 
 /// The meshes in file units with names, for the writers of [`crate::io`].
 ///
 /// Fields are `direct`, and after a solve `irradiance` and `radiosity`
-/// (exitance plus reflectance times irradiance).
+/// (exitance plus reflectance times irradiance). The only curves of cells are borders.
 #[must_use]
-pub fn export(
-    scene: &Scene,
-    solution: &DirectSolution,
-    curves: &[ReceiverCurves],
-    provenance: &str,
-) -> MeshedScene {
+pub fn export(scene: &Scene, outcome: &Outcome, provenance: &str) -> MeshedScene {
     MeshedScene {
         length_unit: scene.length_unit.symbol().to_owned(),
         unit: scene.quantity.irradiance_unit().to_owned(),
         n_bands: scene.n_bands,
-        surfaces: solution
+        surfaces: outcome
+            .mesh
             .receivers
             .iter()
-            .zip(curves)
+            .zip(&outcome.curves)
             .map(|(mesh, curves)| surface(scene, mesh, curves))
             .collect(),
         provenance: provenance.to_owned(),
@@ -64,42 +59,38 @@ pub fn export_factors(
     }
 }
 
-/// Meshes of cells in file units with names, for the writers of [`crate::io`].
-///
-/// Fields are as for [`export`]; the only curves are borders.
-#[must_use]
-pub fn export_cells(scene: &Scene, solution: &CellSolution, provenance: &str) -> MeshedScene {
-    MeshedScene {
-        length_unit: scene.length_unit.symbol().to_owned(),
-        unit: scene.quantity.irradiance_unit().to_owned(),
-        n_bands: scene.n_bands,
-        surfaces: solution
-            .receivers
-            .iter()
-            .map(|mesh| cell_surface(scene, mesh))
-            .collect(),
-        provenance: provenance.to_owned(),
-    }
-}
-
 fn surface(scene: &Scene, mesh: &ReceiverMesh, curves: &ReceiverCurves) -> SurfaceMesh {
     let values = [mesh.direct.as_slice(), mesh.irradiance.as_slice()];
-    SurfaceMesh {
+    let bare = SurfaceMesh {
         degree: mesh.degree,
-        elements: mesh.element_nodes.clone(),
-        element_errors: mesh.element_errors.clone(),
-        curve_edges: curve_edges(mesh),
         curves: curve_table(scene, mesh.face, &curves.critical),
         ..bare_surface(scene, mesh.face, &mesh.chart, &mesh.nodes, values)
+    };
+    match &mesh.elements {
+        Elements::Triangles(triangles) => SurfaceMesh {
+            elements: mesh.element_nodes.clone(),
+            element_errors: mesh.element_errors.clone(),
+            curve_edges: curve_edges(mesh, &triangles.mesh),
+            ..bare
+        },
+        Elements::Cells(cells) => {
+            let loops = scene.loops_in_chart(mesh.face, &mesh.chart);
+            with_cells(bare, mesh, cells, &loops)
+        }
     }
 }
 
-fn cell_surface(scene: &Scene, mesh: &CellReceiverMesh) -> SurfaceMesh {
+/// Triangles come first in the table of errors, then quadrilaterals.
+fn with_cells(
+    bare: SurfaceMesh,
+    mesh: &ReceiverMesh,
+    cells: &Cells,
+    loops: &[Vec<DVec2>],
+) -> SurfaceMesh {
     let (mut elements, mut quads) = (Vec::new(), Vec::new());
     let (mut errors, mut quad_errors) = (Vec::new(), Vec::new());
     let mut edges = Vec::new();
-    let loops = scene.loops_in_chart(mesh.face, &mesh.chart);
-    for (c, cell) in mesh.mesh.cells.iter().enumerate() {
+    for (c, cell) in cells.mesh.cells.iter().enumerate() {
         let nodes = mesh.nodes_of(c);
         let error = mesh.element_errors[c];
         if cell.is_quadrilateral() {
@@ -110,24 +101,21 @@ fn cell_surface(scene: &Scene, mesh: &CellReceiverMesh) -> SurfaceMesh {
             errors.push(error);
         }
         let n = cell.corners().len();
-        for k in (0..n).filter(|&k| mesh.mesh.beyond(c, k) == Beyond::Border) {
-            let [p, q] = cell.edge(k).map(|v| mesh.mesh.vertices[v as usize]);
+        for k in (0..n).filter(|&k| cells.mesh.beyond(c, k) == Beyond::Border) {
+            let [p, q] = cell.edge(k).map(|v| cells.mesh.vertices[v as usize]);
             edges.push(CurveEdge {
                 ends: [nodes[k], nodes[(k + 1) % n]],
-                curves: vec![nearest_loop(&loops, (p + q) / 2.0)],
+                curves: vec![nearest_loop(loops, (p + q) / 2.0)],
             });
         }
     }
     errors.extend(quad_errors);
-    let values = [mesh.direct.as_slice(), mesh.irradiance.as_slice()];
     SurfaceMesh {
-        degree: mesh.degree,
         elements,
         quads,
         element_errors: errors,
         curve_edges: edges,
-        curves: curve_table(scene, mesh.face, &[]),
-        ..bare_surface(scene, mesh.face, &mesh.chart, &mesh.nodes, values)
+        ..bare
     }
 }
 
@@ -198,25 +186,24 @@ fn bare_surface(
 }
 
 /// Mesh edges on curves, by the corner nodes of the first element that has them.
-fn curve_edges(mesh: &ReceiverMesh) -> Vec<CurveEdge> {
+fn curve_edges(mesh: &ReceiverMesh, triangles: &TriMesh) -> Vec<CurveEdge> {
     let mut edges = Vec::new();
-    for (t, triangle) in mesh.mesh.triangles.iter().enumerate() {
+    for (t, triangle) in triangles.triangles.iter().enumerate() {
         let nodes = mesh.nodes_of(t);
         for k in 0..3 {
             let next = (k + 1) % 3;
             let (a, b) = (triangle[k], triangle[next]);
             // Each edge once: from the element with the smaller index.
-            if mesh
-                .mesh
+            if triangles
                 .neighbour(t as u32, k)
                 .is_some_and(|other| (other as usize) < t)
             {
                 continue;
             }
-            if let Some(set) = mesh.mesh.edge_curves(a, b) {
+            if let Some(set) = triangles.edge_curves(a, b) {
                 edges.push(CurveEdge {
                     ends: [nodes[k], nodes[next]],
-                    curves: mesh.mesh.sets().get(set).to_vec(),
+                    curves: triangles.sets().get(set).to_vec(),
                 });
             }
         }

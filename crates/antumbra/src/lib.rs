@@ -19,52 +19,58 @@
 //!
 //! let input = io::scene_file::read(text)?;
 //! let scene = Scene::build(&input).map_err(|problems| format!("{problems:#?}"))?.scene;
-//! let meshed = mesh(&scene, &Options::default(), &Control::default())?;
-//! for receiver in &meshed.direct.receivers {
+//! let outcome = mesh(&scene, &Options::default(), &Control::NEVER)?;
+//! for receiver in &outcome.mesh.receivers {
 //!     println!("{}: {} elements", scene.surface_of(receiver.face).name, receiver.n_elements());
 //! }
-//! println!("error at most {:.1e} of the peak", meshed.direct.measured_max_error);
+//! println!("error at most {:.1e} of the peak", outcome.mesh.measured_max_error);
 //! let mut vtu = Vec::new();
-//! io::write::vtu::write(&export(&scene, &meshed.direct, &meshed.curves, "ten lines"), &mut vtu)?;
-//! # assert!(meshed.direct.measured_max_error <= 1e-3);
+//! io::write::vtu::write(&export(&scene, &outcome, "ten lines"), &mut vtu)?;
+//! # assert!(outcome.mesh.measured_max_error <= 1e-3);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod cell_meshes;
+mod cell_receivers;
+mod cell_size;
 mod demand;
 mod export;
+mod grading;
 mod light;
-mod mesher;
+mod options;
+mod outcome;
 mod pipeline;
 mod plan;
+mod receiver;
 pub mod reduce;
+mod scout;
 mod study;
+mod surroundings;
 mod thin;
+mod total_light;
 pub mod values;
 
-pub use antumbra_geom as geom;
+pub use antumbra_geom::{self as geom, Control, Phase, Stop};
 pub use antumbra_io as io;
-pub use antumbra_mesh::{Order, cells};
+pub use antumbra_mesh::{Order, TriMesh, cells};
 pub use antumbra_scene::{self as scene, Problem, Scene, SceneInput, Severity};
 pub use antumbra_solver::{
-    self as solver, AfterStep, DirectSolution, Ended, FactorOptions, FormFactors, Improvement,
-    NotClosed, Power, Progress, RadiosityOptions, RadiositySolution, Reached, ReceiverMesh,
-    Reciprocity, Repair, RowSums, Tolerance,
-    cells::{CellEnded, CellMeshes, CellReceiverMesh, CellSolution, DirectMesh, Estimator},
+    self as solver, AfterStep, Elements, Ended, FactorOptions, FormFactors, Improvement, NotClosed,
+    Power, Progress, Radiosity, RadiosityOptions, Reached, ReceiverMesh, Reciprocity, Repair,
+    RowSums, Solution, Tolerance, cells::Estimator,
 };
 pub use antumbra_visibility::{
     self as visibility, CriticalCurve, Discontinuity, Evaluator, Event, EventKind, EventKinds,
     Scratch,
 };
-pub use export::{export, export_cells, export_factors, generators, mesh_order_key, order_key};
+pub use cell_meshes::cell_meshes;
+pub use export::{export, export_factors, generators, mesh_order_key, order_key};
 pub use light::ExactLight;
-pub use mesher::{
-    CellMeshed, CellOptions, CellSize, CellSolved, Mesher, SizeLimit, cell_meshes, mesh_cells,
-    solve_cells,
+pub use options::{
+    CellOptions, CellSize, CurveOptions, Events, Generator, MOST_STEPS, Mesher, Options,
 };
-pub use pipeline::{
-    Control, Error, EventCounts, Events, MOST_STEPS, Meshed, Options, Phase, ReceiverCurves,
-    Solved, factors, mesh, plan, solve,
-};
+pub use outcome::{Error, EventCounts, Outcome, ReceiverCurves, SizeLimit};
+pub use pipeline::{factors, mesh, plan, solve};
 pub use plan::{Decision, Effect, Expected, Plan, Quantity};
-pub use study::{Meter, Sampled, StudyOptions, quality, study};
+pub use study::{Meter, StudyOptions, quality, study};
 pub use thin::thin_surfaces;

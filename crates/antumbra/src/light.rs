@@ -1,6 +1,6 @@
 //! The exact engine behind the solver's question for light.
 
-use antumbra_geom::Stop;
+use antumbra_geom::{Control, Stop};
 use antumbra_scene::FaceId;
 use antumbra_solver::{Light, Sample};
 use antumbra_visibility::{Approach, Evaluator, Scratch, View};
@@ -21,15 +21,12 @@ pub struct ExactLight<'e, 's> {
 
 impl<'e, 's> ExactLight<'e, 's> {
     /// Prepares every face of the scene as a receiver.
+    ///
+    /// Faces that are not prepared when it is stopped get a view that leaves everything to
+    /// each evaluation: slower ones with the same values.
     #[must_use]
-    pub fn new(evaluator: &'e Evaluator<'s>) -> Self {
-        Self::new_until(evaluator, Stop::NEVER)
-    }
-
-    /// The same; faces that are not prepared when it is stopped get a view that leaves
-    /// everything to each evaluation: slower ones with the same values.
-    #[must_use]
-    pub fn new_until(evaluator: &'e Evaluator<'s>, stop: Stop<'_>) -> Self {
+    pub fn new(evaluator: &'e Evaluator<'s>, control: &Control<'_>) -> Self {
+        let stop = control.stop;
         let faces: Vec<FaceId> = evaluator.scene().face_ids().collect();
         let views = faces
             .par_iter()

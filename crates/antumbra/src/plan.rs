@@ -1,6 +1,7 @@
 //! The plan: which effects a scene calls for at a tolerance, and why.
 
-use crate::pipeline::{Events, Options, Scout};
+use crate::options::{Events, Options};
+use crate::scout::Scout;
 use antumbra_scene::Scene;
 use antumbra_visibility::{CountByKind, EventKind};
 
@@ -116,6 +117,7 @@ impl Plan {
         quantity: Quantity,
         scout: &Scout<'_>,
     ) -> Self {
+        let events = options.curves().events;
         let tolerance = if scout.peak > 0.0 {
             scout.allowed / scout.peak
         } else {
@@ -133,14 +135,14 @@ impl Plan {
         };
         plan.occlusion(scene, scout);
         for kind in EventKind::ALL {
-            plan.events(kind, options.events, tolerance);
+            plan.events(kind, events, tolerance);
         }
         plan.not_looked_at(scout.n_stopped());
         plan.degree(options);
         plan.faces(scene, scout);
         plan.interreflection(scene, quantity, tolerance);
         plan.bands(scene);
-        plan.expect(scout, options.events);
+        plan.expect(scout, events);
         plan
     }
 

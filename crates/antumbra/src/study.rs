@@ -7,17 +7,17 @@ mod maps;
 mod rival;
 
 use crate::light::ExactLight;
-use crate::mesher::{CellOptions, Mesher, TotalLight, cell_meshes_for, mesh_cells};
-use crate::pipeline::{Control, Error, Meshed, Options, Phase, Solved, mesh, mesh_on, solve_on};
+use crate::options::{Mesher, Options};
+use crate::outcome::{Error, Outcome};
+use crate::pipeline::{mesh, mesh_on, radiosity_on};
+use crate::total_light::TotalLight;
 use crate::values::{self, Place};
-use antumbra_geom::{DVec2, Stop};
+use antumbra_geom::{Control, Phase, Stop};
 use antumbra_io::study::{
     Errors, Quality, Run, Series, Spread, Study, observed_order, pareto_front,
 };
-use antumbra_mesh::shape_quality;
-use antumbra_scene::{FaceId, Scene};
-use antumbra_solver::cells::{CellSolution, DirectMesh};
-use antumbra_solver::{DirectSolution, Light, RadiosityOptions, Sample};
+use antumbra_scene::Scene;
+use antumbra_solver::{Light, Radiosity, RadiosityOptions, Sample, Solution};
 use antumbra_visibility::{Evaluator, Scratch};
 use rayon::prelude::*;
 
@@ -26,8 +26,8 @@ use rayon::prelude::*;
 pub struct StudyOptions {
     /// Degrees of the elements, 1 to 4.
     pub degrees: Vec<u8>,
-    /// The keys of the mesh generators; see [`crate::Mesher`].
-    pub meshers: Vec<crate::Mesher>,
+    /// The keys of the mesh generators; see [`Mesher`].
+    pub meshers: Vec<Mesher>,
     /// Tolerances of those that are driven by one, descending. A series ends when its
     /// largest error is below the last of them.
     pub tolerances: Vec<f64>,
@@ -49,7 +49,7 @@ impl Default for StudyOptions {
     fn default() -> Self {
         Self {
             degrees: vec![1, 2, 3, 4],
-            meshers: crate::Mesher::ALL.to_vec(),
+            meshers: Mesher::ALL.to_vec(),
             tolerances: vec![
                 1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6,
             ],
@@ -76,55 +76,6 @@ impl std::fmt::Debug for Meter<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str("Meter")
     }
-}
-
-/// A finished mesh, as a study looks at it.
-pub trait Sampled: DirectMesh + Sync {
-    /// Calls `visit` for every element with its corners, counter-clockwise in the chart of
-    /// its face, and the ratio of its inscribed to its circumscribed radius.
-    fn for_each_element(&self, visit: &mut dyn FnMut(FaceId, &[DVec2], f64));
-    /// Vertices inside an edge of a neighbour.
-    fn n_t_vertices(&self) -> usize {
-        0
-    }
-}
-
-impl Sampled for DirectSolution {
-    fn for_each_element(&self, visit: &mut dyn FnMut(FaceId, &[DVec2], f64)) {
-        for receiver in &self.receivers {
-            for t in 0..receiver.n_elements() as u32 {
-                let corners = receiver.mesh.corners(t);
-                visit(receiver.face, &corners, shape_quality(corners));
-            }
-        }
-    }
-}
-
-impl Sampled for CellSolution {
-    fn for_each_element(&self, visit: &mut dyn FnMut(FaceId, &[DVec2], f64)) {
-        for receiver in &self.receivers {
-            let mesh = &receiver.mesh;
-            for (c, cell) in mesh.cells.iter().enumerate() {
-                let corners = mesh.corner_positions(c);
-                visit(
-                    receiver.face,
-                    &corners[..cell.corners().len()],
-                    mesh.quality(c),
-                );
-            }
-        }
-    }
-
-    fn n_t_vertices(&self) -> usize {
-        self.n_t_vertices()
-    }
-}
-
-/// Irradiance per band at a place, if an element is there.
-fn value_at(mesh: &dyn Sampled, place: &Place) -> Option<Vec<f64>> {
-    // Receivers are the faces, in their order.
-    let receiver = place.face.index();
-    mesh.direct_at(receiver, mesh.chart(receiver).to_chart(place.point))
 }
 
 /// Exact values at places of reference.
@@ -195,7 +146,7 @@ impl Reference {
 
     /// The error at every place, of the worst band, relative to its peak; nothing if it was
     /// stopped. A place in no element errs by all that it lacks.
-    fn errors_of(&self, mesh: &dyn Sampled, stop: Stop<'_>) -> Option<Vec<f64>> {
+    fn errors_of(&self, mesh: &Solution, stop: Stop<'_>) -> Option<Vec<f64>> {
         let n_bands = self.peak.len().max(1);
         self.places
             .par_iter()
@@ -204,14 +155,14 @@ impl Reference {
                 if stop.is_wanted() {
                     return None;
                 }
-                let found = value_at(mesh, place);
+                let found = values::on_mesh(mesh, place);
                 Some(worst_band(found.as_deref(), exact, &self.peak))
             })
             .collect()
     }
 
     /// The errors of a mesh at all places; nothing if it was stopped.
-    fn summary_of(&self, mesh: &dyn Sampled, stop: Stop<'_>) -> Option<Errors> {
+    fn summary_of(&self, mesh: &Solution, stop: Stop<'_>) -> Option<Errors> {
         Some(self.summarise(&self.errors_of(mesh, stop)?))
     }
 
@@ -282,7 +233,7 @@ fn worst_band(found: Option<&[f64]>, exact: &[f64], peak: &[f64]) -> f64 {
 }
 
 /// Makes a mesh, or nothing if the setting is out of its reach.
-type Make<'a> = Box<dyn Fn(&Control<'_>) -> Result<Option<Box<dyn Sampled>>, Error> + 'a>;
+type Make<'a> = Box<dyn Fn(&Control<'_>) -> Result<Option<Solution>, Error> + 'a>;
 
 /// A series under way.
 struct Runner<'a> {
@@ -335,7 +286,7 @@ impl Runner<'_> {
             if repeat == 0 {
                 memory = most.saturating_sub(before);
             }
-            if took > SHORT * study.options.budget || (control.should_stop)() {
+            if took > SHORT * study.options.budget || control.stop.is_wanted() {
                 break;
             }
         }
@@ -344,20 +295,20 @@ impl Runner<'_> {
             "finer settings are out of its reach".clone_into(&mut self.series.ended);
             return Ok(false);
         };
-        if mesh.is_stopped() && !(control.should_stop)() {
+        if mesh.is_stopped() && !control.stop.is_wanted() {
             "there is no room for finer meshes".clone_into(&mut self.series.ended);
             return Ok(false);
         }
-        if (control.should_stop)() {
+        if control.stop.is_wanted() {
             "the study was stopped".clone_into(&mut self.series.ended);
             return Ok(false);
         }
-        let stop = Stop::new(control.should_stop);
-        let Some(error) = study.reference.summary_of(mesh.as_ref(), stop) else {
+        let stop = control.stop;
+        let Some(error) = study.reference.summary_of(&mesh, stop) else {
             "the study was stopped".clone_into(&mut self.series.ended);
             return Ok(false);
         };
-        self.maps.push(study.canvas.map(mesh.as_ref()));
+        self.maps.push(study.canvas.map(&mesh));
         let last = times.iter().copied().fold(f64::INFINITY, f64::min);
         self.series.runs.push(Run {
             setting,
@@ -367,9 +318,9 @@ impl Runner<'_> {
             seconds: Spread::of(&times),
             memory_bytes: memory,
             error,
-            claimed_error: finite(mesh.measured_max_error()),
+            claimed_error: finite(mesh.measured_max_error),
             on_front: false,
-            quality: quality(study.scene, mesh.as_ref()),
+            quality: quality(study.scene, &mesh),
         });
         let expected = GROWTH * last;
         self.series.ended = if error.max <= FLOOR {
@@ -406,28 +357,10 @@ pub(crate) struct Total<'a> {
 }
 
 impl Subject<'_> {
-    pub(crate) fn discontinuity(
-        &self,
-        options: &Options,
-        control: &Control<'_>,
-    ) -> Result<Meshed, Error> {
+    pub(crate) fn mesh(&self, options: &Options, control: &Control<'_>) -> Result<Outcome, Error> {
         match self.total {
             None => mesh(self.scene, options, control),
             Some(t) => mesh_on(t.evaluator, t.light, &t.driver, options, control),
-        }
-    }
-
-    pub(crate) fn cells(
-        &self,
-        options: &CellOptions,
-        control: &Control<'_>,
-    ) -> Result<CellSolution, Error> {
-        match self.total {
-            None => Ok(mesh_cells(self.scene, options, control)?.direct),
-            Some(t) => {
-                let (meshes, _) = cell_meshes_for(t.evaluator, &t.driver, options, control)?;
-                Ok(meshes.finish())
-            }
         }
     }
 }
@@ -458,7 +391,7 @@ pub fn study(
 ) -> Result<Study, Error> {
     (control.progress)(Phase::Study, 0.0);
     let evaluator = Evaluator::new(scene);
-    let light = ExactLight::new_until(&evaluator, Stop::new(control.should_stop));
+    let light = ExactLight::new(&evaluator, control);
     if !options.interreflection {
         let subject = Subject { scene, total: None };
         let known = Known::default();
@@ -467,18 +400,18 @@ pub fn study(
         );
     }
     let begun = (meter.clock)();
-    let solutions = solutions(&evaluator, &light, &quiet(control))?;
-    let stop = Stop::new(control.should_stop);
+    let solutions = solutions(&evaluator, &light, &control.quiet())?;
+    let stop = control.stop;
     let [fine, coarse] = &solutions;
     let [of_fine, of_coarse] = [fine, coarse].map(|solved| TotalLight {
         direct: &light,
-        gatherer: solved.radiosity.gatherer(&evaluator, stop),
+        gatherer: solved.gatherer(&evaluator, stop),
     });
     if of_fine.gatherer.is_none() || of_coarse.gatherer.is_none() {
         return Ok(nothing(
             TOTAL,
             options,
-            if (control.should_stop)() {
+            if control.stop.is_wanted() {
                 "The study was stopped before interreflection was solved: nothing was measured."
             } else {
                 "There is no room to solve for interreflection: nothing was measured."
@@ -546,7 +479,7 @@ fn solutions(
     evaluator: &Evaluator<'_>,
     light: &ExactLight<'_, '_>,
     control: &Control<'_>,
-) -> Result<[Solved; 2], Error> {
+) -> Result<[Radiosity; 2], Error> {
     let options = |most_nodes| Options {
         radiosity: RadiosityOptions {
             most_nodes,
@@ -555,20 +488,20 @@ fn solutions(
         ..Options::default()
     };
     let [fine, coarse] = LAYERS.map(options);
-    let fine = solve_on(evaluator, light, &fine, control)?;
-    let coarse = solve_on(evaluator, light, &coarse, control)?;
+    let fine = radiosity_on(evaluator, light, &fine, control)?;
+    let coarse = radiosity_on(evaluator, light, &coarse, control)?;
     Ok([fine, coarse])
 }
 
-fn solutions_notes([fine, coarse]: &[Solved; 2]) -> Vec<String> {
+fn solutions_notes([fine, coarse]: &[Radiosity; 2]) -> Vec<String> {
     vec![
         format!(
             "Values of reference are exact direct irradiance and indirect irradiance gathered with exact visibility from one solution with {} nodes; nodes of all meshes hold such values, so errors are those of the meshes. The solution took part in no time.",
-            fine.radiosity.indirect_nodes
+            fine.indirect_nodes
         ),
         format!(
             "The uncertainty is the largest difference to what is gathered from a solution with {} nodes, at 200 places.",
-            coarse.radiosity.indirect_nodes
+            coarse.indirect_nodes
         ),
         "Evaluations are those of direct light and of gathering, together.".into(),
     ]
@@ -609,7 +542,7 @@ fn study_of(
     } else {
         DIRECT
     };
-    let stop = Stop::new(control.should_stop);
+    let stop = control.stop;
     let n = options.n_points;
     let reference = Reference::new(evaluator, light, driver, n, meter, stop);
     let found = reference.and_then(|reference| {
@@ -631,12 +564,12 @@ fn study_of(
     let share = MESHING * options.budget / runners.len().max(1) as f64;
     let mut is_going = vec![true; runners.len()];
     // All coarse runs before all finer ones: a study that is stopped has all series.
-    while is_going.iter().any(|&g| g) && !(control.should_stop)() {
+    while is_going.iter().any(|&g| g) && !control.stop.is_wanted() {
         for (k, runner) in runners.iter_mut().enumerate() {
-            if !is_going[k] || (control.should_stop)() {
+            if !is_going[k] || control.stop.is_wanted() {
                 continue;
             }
-            is_going[k] = runner.step(&setting, share, &quiet(control))?;
+            is_going[k] = runner.step(&setting, share, &control.quiet())?;
             let done = runners_done(&is_going);
             let spent = ((meter.clock)() - start) / (MESHING * options.budget);
             (control.progress)(Phase::Study, done.max(spent.min(1.0)) * MESHING);
@@ -664,10 +597,10 @@ fn study_of(
     let is_late = |share: f64| (meter.clock)() - start > share * options.budget;
     let mut left_out = Vec::new();
     let [by_estimators, by_orders, by_steps] =
-        [0.8, 0.9, 1.0].map(|share| move || is_late(share) || (control.should_stop)());
-    let until = |should_stop| Control {
-        should_stop,
-        ..quiet(control)
+        [0.8, 0.9, 1.0].map(|share| move || is_late(share) || control.stop.is_wanted());
+    let until = |is_late| Control {
+        stop: Stop::new(is_late),
+        ..control.quiet()
     };
     study.estimators = rival::effectivities(scene, driver, evaluator, &until(&by_estimators))?;
     if by_estimators() {
@@ -709,7 +642,7 @@ fn study_of(
         options,
         share,
         runs_seconds,
-        (control.should_stop)(),
+        control.stop.is_wanted(),
     );
     study.notes.extend_from_slice(&known.notes);
     if !left_out.is_empty() {
@@ -739,16 +672,6 @@ fn runners_done(is_going: &[bool]) -> f64 {
     n_done as f64 / is_going.len().max(1) as f64
 }
 
-/// The same control, but for the progress of single runs, which nobody wants to see.
-fn quiet<'a>(control: &Control<'a>) -> Control<'a> {
-    Control {
-        progress: &|_, _| {},
-        should_stop: control.should_stop,
-        must_stop: control.must_stop,
-        has_room: control.has_room,
-    }
-}
-
 fn mark_front(study: &mut Study) {
     let all: Vec<(f64, f64)> = study
         .series
@@ -767,16 +690,19 @@ fn mark_front(study: &mut Study) {
 /// equilateral triangle and a square), the smallest angle in degrees, T-vertices, elements
 /// per area in the square of the file's length unit. Without elements all are 0.
 #[must_use]
-pub fn quality(scene: &Scene, mesh: &dyn Sampled) -> Quality {
+pub fn quality(scene: &Scene, mesh: &Solution) -> Quality {
     let mut ratios = Vec::new();
     let mut quality = Quality {
         smallest_angle: 180.0,
         t_vertices: mesh.n_t_vertices(),
         ..Quality::default()
     };
-    mesh.for_each_element(&mut |_, corners, ratio| {
+    let elements = mesh.receivers.iter();
+    let elements = elements.flat_map(|r| (0..r.n_elements()).map(move |e| (r, e)));
+    for (receiver, element) in elements {
+        let (corners, n) = receiver.corners(element);
+        let ratio = receiver.shape_quality(element);
         ratios.push(ratio);
-        let n = corners.len();
         for k in 0..n {
             let [a, b, c] = [corners[(k + n - 1) % n], corners[k], corners[(k + 1) % n]];
             let (p, q) = (c - b, a - b);
@@ -784,7 +710,7 @@ pub fn quality(scene: &Scene, mesh: &dyn Sampled) -> Quality {
             quality.smallest_angle = quality.smallest_angle.min(angle);
         }
         quality.histogram[((10.0 * ratio) as usize).min(9)] += 1;
-    });
+    }
     if ratios.is_empty() {
         quality.smallest_angle = 0.0;
     }

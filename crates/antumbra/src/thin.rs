@@ -5,7 +5,7 @@
 //! its corners alone, which is not refined; its area counts as unresolved. It hides light
 //! like any other.
 
-use crate::pipeline::contact_radius;
+use crate::surroundings::contact_radius;
 use antumbra_geom::bounding_box;
 use antumbra_mesh::{Folded, folded};
 use antumbra_scene::{FaceId, Problem, Scene, Severity, Surface};

@@ -1,10 +1,9 @@
 //! Values at points a user names.
 
 use crate::light::ExactLight;
-use crate::pipeline::Control;
+use antumbra_geom::Control;
 use antumbra_scene::{FaceId, Piece, Scene, SurfaceId};
-use antumbra_solver::RadiositySolution;
-use antumbra_solver::cells::DirectMesh;
+use antumbra_solver::{Radiosity, Solution};
 use antumbra_visibility::{Evaluator, Scratch};
 use glam::DVec3;
 
@@ -129,43 +128,28 @@ pub fn exact_free(
 
 /// Interpolated direct irradiance per band; `None` outside the mesh.
 #[must_use]
-pub fn on_mesh(solution: &dyn DirectMesh, place: &Place) -> Option<Vec<f64>> {
-    let receiver = place.face.index();
-    let uv = solution.chart(receiver).to_chart(place.point);
-    solution.direct_at(receiver, uv)
+pub fn on_mesh(solution: &Solution, place: &Place) -> Option<Vec<f64>> {
+    // Receivers are the faces, in their order.
+    let receiver = &solution.receivers[place.face.index()];
+    let spot = receiver.locate(receiver.chart.to_chart(place.point))?;
+    Some(receiver.direct_at(spot))
 }
 
 /// Irradiance with interreflection per band at several places: exact direct light
 /// and indirect light gathered with exact visibility from the solution's layer.
 ///
-/// # Panics
-///
-/// If interreflection was not solved ([`Reached`](crate::Reached)).
+/// `None` for places that were not reached when it was stopped, and for all if
+/// interreflection was not solved ([`Reached`](crate::Reached)).
 #[must_use]
 pub fn solved(
     light: &ExactLight<'_, '_>,
     evaluator: &Evaluator<'_>,
-    solution: &RadiositySolution,
-    places: &[Place],
-) -> Vec<Vec<f64>> {
-    solved_until(light, evaluator, solution, places, &Control::default())
-        .into_iter()
-        .map(|values| values.expect("interreflection is solved and nothing stops it"))
-        .collect()
-}
-
-/// The same; `None` for places that were not reached when it was stopped, and for all
-/// if interreflection was not solved.
-#[must_use]
-pub fn solved_until(
-    light: &ExactLight<'_, '_>,
-    evaluator: &Evaluator<'_>,
-    solution: &RadiositySolution,
+    solution: &Radiosity,
     places: &[Place],
     control: &Control<'_>,
 ) -> Vec<Option<Vec<f64>>> {
     let points: Vec<_> = places.iter().map(|p| (p.face.index(), p.point)).collect();
-    let indirect = solution.gather_until(evaluator, &points, control.stop());
+    let indirect = solution.gather(evaluator, &points, control);
     let mut scratch = Scratch::default();
     places
         .iter()

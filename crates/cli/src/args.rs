@@ -4,8 +4,8 @@ use crate::failure::Failure;
 use antumbra::cells::CellShape;
 use antumbra::scene::LengthUnit;
 use antumbra::{
-    AfterStep, CellOptions, CellSize, Estimator, EventKind, EventKinds, Events, MOST_STEPS, Mesher,
-    Tolerance,
+    AfterStep, CellOptions, CellSize, CurveOptions, Estimator, EventKind, EventKinds, Events,
+    Generator, MOST_STEPS, Mesher, Tolerance,
 };
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -212,31 +212,17 @@ far; surfaces without values have the colour of those.";
 }
 
 impl Meshing {
-    fn options(&self) -> antumbra::Options {
-        antumbra::Options {
+    /// What is asked for, if the options of the generator make sense together.
+    pub(crate) fn options(&self) -> Result<antumbra::Options, Failure> {
+        let mesher = self.mesher.key();
+        let common = antumbra::Options {
             tolerance: match self.tolerance_abs {
                 Some(absolute) => Tolerance::Absolute(absolute),
                 None => Tolerance::Relative(self.tolerance),
             },
             degree: self.degree.0,
-            events: self.events,
-            after: self.then.0,
             ..antumbra::Options::default()
-        }
-    }
-}
-
-/// A mesh generator with its options.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Generator {
-    Discontinuity(antumbra::Options),
-    Cells(CellOptions),
-}
-
-impl Meshing {
-    /// The generator asked for, if its options make sense together.
-    pub(crate) fn generator(&self) -> Result<Generator, Failure> {
-        let mesher = self.mesher.key();
+        };
         if self.mesher == Mesher::Discontinuity {
             let given = [
                 ("--cells", self.cells.is_some()),
@@ -245,11 +231,18 @@ impl Meshing {
                 ("--elements", self.elements.is_some()),
                 ("--least-size", self.least_size.is_some()),
             ];
+            let curves = CurveOptions {
+                events: self.events,
+                after: self.then.0,
+            };
             return match given.into_iter().find(|g| g.1) {
                 Some((option, _)) => Err(Failure::usage(format!(
                     "{option} is for other mesh generators than {mesher}: give --mesher NAME"
                 ))),
-                None => Ok(Generator::Discontinuity(self.options())),
+                None => Ok(antumbra::Options {
+                    generator: Generator::Curves(curves),
+                    ..common
+                }),
             };
         }
         if self.events != Events::OnDemand {
@@ -262,28 +255,34 @@ impl Meshing {
                 "--then is for --mesher discontinuity: {mesher} is refined as it is made"
             )));
         }
-        let options = self.options();
-        let size = match (self.element_size, self.elements) {
-            (Some(length), _) => CellSize::Length(length),
-            (None, Some(n)) => CellSize::Elements(usize::try_from(n).unwrap_or(usize::MAX)),
-            (None, None) => CellSize::Tolerance(options.tolerance),
-        };
+        Ok(antumbra::Options {
+            tolerance: common.tolerance,
+            degree: common.degree,
+            ..antumbra::Options::with_cells(self.cells())
+        })
+    }
+
+    fn cells(&self) -> CellOptions {
         let default = CellOptions::default();
-        Ok(Generator::Cells(CellOptions {
+        CellOptions {
             mesher: self.mesher,
             shape: self.cells.unwrap_or(default.shape),
-            degree: self.degree.0,
-            size,
+            size: match (self.element_size, self.elements) {
+                (Some(length), _) => CellSize::Length(length),
+                (None, Some(n)) => CellSize::Elements(usize::try_from(n).unwrap_or(usize::MAX)),
+                (None, None) => CellSize::Tolerance,
+            },
             estimator: self.estimator.unwrap_or(default.estimator),
             least_size: self.least_size.unwrap_or(default.least_size),
             ..default
-        }))
+        }
     }
 
     /// The options of the discontinuity mesh, for commands that know no other.
     pub(crate) fn discontinuity(&self, command: &str) -> Result<antumbra::Options, Failure> {
-        match self.generator()? {
-            Generator::Discontinuity(options) => Ok(options),
+        let options = self.options()?;
+        match options.generator {
+            Generator::Curves(_) => Ok(options),
             Generator::Cells(cells) => Err(Failure::usage(format!(
                 "--mesher {}: {command} is for the discontinuity mesh alone",
                 cells.mesher.key()

@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::{output, progress};
 use antumbra::geom::Stop;
 use antumbra::scene::LengthUnit;
-use antumbra::{Problem, Scene, Severity, io, thin_surfaces};
+use antumbra::{Control, Problem, Scene, Severity, io, thin_surfaces};
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -195,7 +195,7 @@ pub(crate) fn load(common: &Common) -> Result<Loaded, Failure> {
 pub(crate) fn doubts(scene: &Scene, input: &antumbra::SceneInput) -> Option<Vec<Problem>> {
     progress::scene_is_there();
     let stop = Stop::new(&progress::is_stop_wanted);
-    let mut doubts = scene.room_problems_until(stop)?;
+    let mut doubts = scene.room_problems(&Control::stopping(stop))?;
     doubts.extend(input.corner_gaps().map(|mut gaps| {
         gaps.message.push_str(" (--weld)");
         gaps

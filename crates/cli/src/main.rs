@@ -3,7 +3,6 @@
 #![expect(clippy::print_stderr, reason = "a command line talks to its terminal")]
 
 mod args;
-mod cell_report;
 mod check;
 mod factors;
 mod failure;
@@ -18,6 +17,7 @@ mod render;
 mod report;
 mod say;
 mod study;
+mod summary;
 
 use args::{Command, Options};
 use clap::Parser;

@@ -7,7 +7,7 @@ use crate::input::{self, Loaded};
 use crate::progress::Watch;
 use crate::report::counts;
 use crate::say::say;
-use antumbra::{Effect, Evaluator, EventKind, ExactLight, Plan, Quantity, Scratch};
+use antumbra::{Control, Effect, Evaluator, EventKind, ExactLight, Plan, Quantity, Scratch};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -45,7 +45,7 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending, Failure> {
 fn seconds_per_evaluation(loaded: &Loaded) -> f64 {
     let scene = &loaded.scene;
     let evaluator = Evaluator::new(scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
     let mut scratch = Scratch::default();
     let start = Instant::now();
     let mut n = 0;

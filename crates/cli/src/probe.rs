@@ -8,7 +8,7 @@ use crate::mesh::{self, Work};
 use crate::progress::Watch;
 use crate::say::{self, say};
 use antumbra::values::{self, Place};
-use antumbra::{Evaluator, ExactLight, Scratch};
+use antumbra::{Control, Evaluator, ExactLight, Scratch};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -35,7 +35,7 @@ enum Target {
 
 pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
     let common = &probe.common;
-    let generator = probe.meshing.generator()?;
+    let options = probe.meshing.options()?;
     let loaded = input::load(common)?;
     let scene = &loaded.scene;
     let (header, rows) = read_points(probe, scene)?;
@@ -48,7 +48,7 @@ pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
 
     if exact {
         let evaluator = Evaluator::new(scene);
-        let light = ExactLight::new(&evaluator);
+        let light = ExactLight::new(&evaluator, &Control::NEVER);
         let values: Result<Vec<_>, values::PointError> = rows
             .par_iter()
             .map_init(Scratch::default, |scratch, row| match &row.target {
@@ -66,8 +66,8 @@ pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
     let mut ending = Ending::Done;
     if probe.mesh || probe.solve {
         let work = if probe.solve { Work::Solve } else { Work::Mesh };
-        let done = mesh::compute(&loaded, &generator, &watch, work)?;
-        ending = mesh::ending(&watch, &done);
+        let outcome = mesh::compute(&loaded, &options, &watch, work)?;
+        ending = mesh::ending(&watch, &outcome);
         let on_surface = |f: &dyn Fn(&Place) -> Option<Vec<f64>>| -> Vec<Option<Vec<f64>>> {
             rows.iter()
                 .map(|row| match &row.target {
@@ -77,19 +77,17 @@ pub(crate) fn run(probe: &Probe) -> Result<Ending, Failure> {
                 .collect()
         };
         if probe.mesh {
-            let meshes = done.mesh();
             columns.push((
                 "direct_mesh",
-                on_surface(&|place| values::on_mesh(meshes, place)),
+                on_surface(&|place| values::on_mesh(&outcome.mesh, place)),
             ));
         }
-        if let (true, Some(radiosity)) = (probe.solve, done.radiosity()) {
+        if let (true, Some(radiosity)) = (probe.solve, &outcome.radiosity) {
             let places: Vec<Place> = rows.iter().filter_map(Row::place).collect();
             let evaluator = Evaluator::new(scene);
-            let light = ExactLight::new(&evaluator);
-            let found = watch.run(|control| {
-                values::solved_until(&light, &evaluator, radiosity, &places, control)
-            });
+            let light = ExactLight::new(&evaluator, &Control::NEVER);
+            let found = watch
+                .run(|control| values::solved(&light, &evaluator, radiosity, &places, control));
             is_cut_short |= found.iter().any(Option::is_none);
             let mut found = found.into_iter();
             let values = rows

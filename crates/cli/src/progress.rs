@@ -6,7 +6,7 @@
 use crate::Ending;
 use crate::args::{Common, Limits};
 use crate::output;
-use antumbra::{Control, Phase};
+use antumbra::{Control, Phase, Stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal as _;
 use std::sync::Mutex;
@@ -189,8 +189,8 @@ impl Watch {
     /// Runs a part of the engine under this watch.
     pub(crate) fn run<T>(&self, work: impl FnOnce(&Control<'_>) -> T) -> T {
         work(&Control {
-            should_stop: &|| SHOULD_STOP.load(SeqCst),
-            must_stop: &|| MUST_STOP.load(SeqCst),
+            stop: Stop::new(&|| SHOULD_STOP.load(SeqCst)),
+            at_once: Stop::new(&|| MUST_STOP.load(SeqCst)),
             has_room: &has_room,
             progress: &|phase, done| self.progress(phase, done),
         })

@@ -13,7 +13,7 @@ use antumbra::reduce::{Size, reduce};
 use antumbra::solver::Tolerance;
 use antumbra::values::{self, Place};
 use antumbra::visibility::Source;
-use antumbra::{Ended, Evaluator, ExactLight, Meshed, SceneInput, Scratch};
+use antumbra::{Control, Ended, Evaluator, ExactLight, SceneInput, Scratch, Solution};
 use indicatif::ProgressBar;
 use serde_json::json;
 use std::io::{IsTerminal as _, Write as _};
@@ -287,17 +287,17 @@ pub(crate) fn try_once(args: &ReduceTry) -> Result<Ending, Failure> {
     let loaded = input::load(&args.common)?;
     let watch = Watch::new(&args.common);
     let options = args.meshing.discontinuity("reduce")?;
-    let meshed = watch
+    let mesh = watch
         .run(|control| antumbra::mesh(&loaded.scene, &options, control))
-        .map_err(|e| Failure::internal(e.to_string()))?;
+        .map_err(|e| Failure::internal(e.to_string()))?
+        .mesh;
     watch.finish();
     let fails = match args.failure {
-        ValueFailure::Check => meshed
-            .direct
-            .receivers
-            .iter()
-            .any(|r| r.mesh.check().is_err()),
-        failure => has_wrong_value(&loaded, &meshed, options.tolerance, failure, args.points),
+        ValueFailure::Check => {
+            let mut triangles = mesh.receivers.iter().filter_map(|r| r.triangles());
+            triangles.any(|t| t.check().is_err())
+        }
+        failure => has_wrong_value(&loaded, &mesh, options.tolerance, failure, args.points),
     };
     Ok(if fails { Ending::Fails } else { Ending::Done })
 }
@@ -307,27 +307,23 @@ const ROUNDING: f64 = 1e-9;
 
 fn has_wrong_value(
     loaded: &Loaded,
-    meshed: &Meshed,
+    mesh: &Solution,
     tolerance: Tolerance,
     failure: ValueFailure,
     n_points: u32,
 ) -> bool {
-    let direct = &meshed.direct;
     let is_wrong = |x: &f64| !x.is_finite() || *x < 0.0;
     if failure == ValueFailure::Negative
-        && direct
-            .receivers
-            .iter()
-            .any(|r| r.direct.iter().any(is_wrong))
+        && mesh.receivers.iter().any(|r| r.direct.iter().any(is_wrong))
     {
         return true;
     }
-    if failure == ValueFailure::AboveTolerance && direct.ended != Ended::ToleranceReached {
+    if failure == ValueFailure::AboveTolerance && mesh.ended != Ended::ToleranceReached {
         return false;
     }
     let scene = &loaded.scene;
     let evaluator = Evaluator::new(scene);
-    let light = ExactLight::new(&evaluator);
+    let light = ExactLight::new(&evaluator, &Control::NEVER);
     let mut scratch = Scratch::default();
     values::random_places(scene, n_points, &|_| true)
         .iter()
@@ -340,17 +336,17 @@ fn has_wrong_value(
                     exact
                         .iter()
                         .zip(&most)
-                        .zip(&direct.peak)
+                        .zip(&mesh.peak)
                         .any(|((x, most), peak)| *x > most + ROUNDING * peak)
                 }
                 ValueFailure::AboveTolerance => {
-                    let Some(on_mesh) = values::on_mesh(direct, place) else {
+                    let Some(on_mesh) = values::on_mesh(mesh, place) else {
                         return false;
                     };
                     exact
                         .iter()
                         .zip(&on_mesh)
-                        .zip(&direct.peak)
+                        .zip(&mesh.peak)
                         .any(|((x, y), peak)| {
                             let allowed = match tolerance {
                                 Tolerance::Relative(t) => t * peak,

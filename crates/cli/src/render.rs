@@ -11,7 +11,7 @@ use crate::say::say;
 
 pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
     let common = &render.common;
-    let generator = render.meshing.generator()?;
+    let options = render.meshing.options()?;
     let formats = output::formats(&render.output, &[Format::Png, Format::Svg])?;
     let loaded = input::load(common)?;
     input::spare(&render.output)?;
@@ -22,9 +22,9 @@ pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
     };
     output::check_look(&render.picture, &loaded.scene, work)?;
     let watch = Watch::new(common);
-    let done = mesh::compute(&loaded, &generator, &watch, work)?;
+    let outcome = mesh::compute(&loaded, &options, &watch, work)?;
     watch.finish();
-    let exported = done.export(&loaded);
+    let exported = mesh::export(&loaded, &outcome);
     output::write_all(&render.output, formats, &exported, &render.picture)?;
     if !common.json && !common.quiet {
         for path in &render.output {
@@ -42,5 +42,5 @@ pub(crate) fn run(render: &Render) -> Result<Ending, Failure> {
             serde_json::json!({ "version": env!("CARGO_PKG_VERSION"), "written": written })
         );
     }
-    Ok(mesh::ending(&watch, &done))
+    Ok(mesh::ending(&watch, &outcome))
 }

@@ -3,22 +3,11 @@
 use crate::input::Loaded;
 use crate::plan;
 use crate::progress::peak_memory;
-use antumbra::scene::FaceId;
 use antumbra::{
-    DirectSolution, Ended, EventCounts, EventKind, Improvement, Mesher, Phase, Plan, Progress,
-    RadiositySolution, Reached, ReceiverCurves, Scene, Tolerance, order_key,
+    Ended, EventKind, Generator, Improvement, Options, Outcome, Phase, Plan, Progress, Radiosity,
+    Reached, Scene, SizeLimit, Solution, Tolerance, order_key,
 };
 use serde_json::{Map, Value, json};
-
-/// What is reported on.
-pub(crate) struct Outcome<'a> {
-    pub(crate) meshes: &'a DirectSolution,
-    pub(crate) curves: &'a [ReceiverCurves],
-    pub(crate) events: &'a EventCounts,
-    pub(crate) plan: &'a Plan,
-    pub(crate) improvements: &'a [Improvement],
-    pub(crate) radiosity: Option<&'a RadiositySolution>,
-}
 
 /// What ended a run before its end.
 pub(crate) struct Stop {
@@ -26,89 +15,140 @@ pub(crate) struct Stop {
     pub(crate) phase: Option<Phase>,
 }
 
-impl Outcome<'_> {
-    /// Did the work end with what there was?
-    pub(crate) fn is_stopped(&self) -> bool {
-        self.meshes.ended == Ended::Stopped
-            || self
-                .radiosity
-                .is_some_and(|r| r.reached != Reached::Finished)
-    }
-}
-
-/// The document of `--json`.
+/// The document of `--json`; what only some generators have is there for them alone.
 pub(crate) fn document(
     loaded: &Loaded,
-    options: &antumbra::Options,
-    result: &Outcome<'_>,
+    options: &Options,
+    outcome: &Outcome,
     phases: &[(&'static str, f64)],
     total: f64,
     stop: Option<Stop>,
 ) -> Value {
     let scene = &loaded.scene;
-    let meshes = result.meshes;
-    let n_elements: usize = meshes.receivers.iter().map(|r| r.n_elements()).sum();
-    let n_nodes: usize = meshes.receivers.iter().map(|r| r.nodes.len()).sum();
-    let n_evaluations: u64 = meshes.receivers.iter().map(|r| r.exact_evaluations).sum();
-    let unresolved: usize = meshes.receivers.iter().map(|r| r.unresolved.len()).sum();
+    let mesh = &outcome.mesh;
+    let n_elements = mesh.n_elements();
+    let unresolved: usize = mesh.receivers.iter().map(|r| r.unresolved.len()).sum();
     let mut seconds = Map::new();
     for (name, s) in phases {
         seconds.insert((*name).to_owned(), json!(s));
     }
     seconds.insert("total".to_owned(), json!(total));
-    let (tolerance, is_relative) = match options.tolerance {
-        Tolerance::Relative(t) => (t, true),
-        Tolerance::Absolute(t) => (t, false),
+    let (tolerance, is_relative) = match options.kept_tolerance() {
+        Some(Tolerance::Relative(t)) => (Some(t), Some(true)),
+        Some(Tolerance::Absolute(t)) => (Some(t), Some(false)),
+        None => (None, None),
     };
+    let warnings = loaded.warnings.iter().map(|w| w.message.clone());
+    let limit = outcome.limit.map(|limit| limit_message(scene, &limit));
     let mut document = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "length_unit": scene.length_unit.symbol(),
         "quantity": scene.quantity.name(),
-        "mesher": Mesher::Discontinuity.key(),
+        "mesher": options.mesher().key(),
         "surfaces": scene.surfaces.len(),
         "emitters": scene.emitters().count(),
-        "receivers": meshes.receivers.len(),
+        "receivers": mesh.receivers.len(),
         "covered": covered(scene),
         "elements": n_elements,
-        "nodes": n_nodes,
-        "t_vertices": 0,
-        "degree": degree(meshes, options),
-        "exact_evaluations": n_evaluations,
+        "nodes": mesh.n_nodes(),
+        "t_vertices": mesh.n_t_vertices(),
+        "degree": degree(mesh, options),
+        "exact_evaluations": mesh.exact_evaluations(),
         "tolerance": tolerance,
         "tolerance_is_relative": is_relative,
-        "measured_max_error": measured(n_elements, meshes.measured_max_error),
-        "measured_rms_error": measured(n_elements, meshes.measured_rms_error),
-        "tolerance_reached": meshes.ended == Ended::ToleranceReached,
+        "measured_max_error": measured(n_elements, mesh.measured_max_error),
+        "measured_rms_error": measured(n_elements, mesh.measured_rms_error),
+        "tolerance_reached": tolerance.map(|_| mesh.has_reached_goal()),
         "unresolved_elements": unresolved,
-        "unresolved_area_fraction": unresolved_area(meshes),
-        "peak_irradiance": bands(&meshes.peak),
-        "events": {
-            "candidates": counts(&result.events.candidates),
-            "active": counts(&result.events.active),
-            "inserted": counts(&result.events.inserted),
-        },
-        "effects": plan::effects(result.plan),
-        "quality": antumbra::quality(scene, meshes),
-        "after": result.improvements.iter().map(improvement).collect::<Vec<_>>(),
-        "per_surface": per_surface(scene, result),
+        "unresolved_area_fraction": unresolved_area(mesh),
+        "peak_irradiance": bands(&mesh.peak),
+        "quality": antumbra::quality(scene, mesh),
+        "per_surface": per_surface(scene, outcome),
         "seconds": seconds,
         "peak_memory_bytes": peak_memory(),
         "threads": rayon::current_num_threads(),
-        "warnings": loaded.warnings.iter().map(|w| w.message.clone()).chain(loaded.notes.iter().cloned()).collect::<Vec<_>>(),
+        "warnings": warnings.chain(loaded.notes.iter().cloned()).chain(limit).collect::<Vec<_>>(),
     });
     if let Some(object) = document.as_object_mut() {
-        let progress: Vec<Progress> = meshes.receivers.iter().map(|r| r.progress).collect();
-        if let Some(stop) = stop {
-            object.insert(
-                "stopped".into(),
-                stopped(&stop, &progress, result.radiosity),
-            );
+        if let Some(plan) = &outcome.plan {
+            along_curves(object, outcome, plan);
         }
-        if let Some(radiosity) = result.radiosity {
+        if let Generator::Cells(cells) = options.generator {
+            object.insert("estimator".into(), json!(cells.estimator.key()));
+            of_cells(object, scene, mesh);
+        }
+        if let Some(stop) = stop {
+            object.insert("stopped".into(), stopped(&stop, outcome));
+        }
+        if let Some(radiosity) = &outcome.radiosity {
             interreflection(object, scene, radiosity);
         }
     }
     document
+}
+
+/// What only meshes along curves have.
+fn along_curves(object: &mut Map<String, Value>, outcome: &Outcome, plan: &Plan) {
+    let events = json!({
+        "candidates": counts(&outcome.events.candidates),
+        "active": counts(&outcome.events.active),
+        "inserted": counts(&outcome.events.inserted),
+    });
+    object.insert("events".into(), events);
+    object.insert("effects".into(), json!(plan::effects(plan)));
+    let after = outcome.improvements.iter().map(improvement);
+    object.insert("after".into(), after.collect());
+}
+
+/// What only meshes of cells have.
+fn of_cells(object: &mut Map<String, Value>, scene: &Scene, mesh: &Solution) {
+    let receivers = || mesh.receivers.iter();
+    let cells = || receivers().filter_map(antumbra::ReceiverMesh::cells);
+    let each = cells().flat_map(|c| &c.mesh.cells);
+    let n_quads = each.filter(|c| c.is_quadrilateral()).count();
+    let node_evaluations: u64 = cells().map(|c| c.node_evaluations).sum();
+    let n_above: usize = receivers().map(|r| r.n_above).sum();
+    // Rounding may call a square better than the best; where nothing is, nothing is bad.
+    let worst_quality = match mesh.n_elements() {
+        0 => 1.0,
+        _ => antumbra::quality(scene, mesh).min.min(1.0),
+    };
+    for (key, value) in [
+        ("triangles", json!(mesh.n_elements() - n_quads)),
+        ("quadrilaterals", json!(n_quads)),
+        ("node_evaluations", json!(node_evaluations)),
+        (
+            "check_evaluations",
+            json!(mesh.exact_evaluations() - node_evaluations),
+        ),
+        ("ended", json!(ended(mesh.ended))),
+        ("elements_above_tolerance", json!(n_above)),
+        ("worst_shape_quality", json!(worst_quality)),
+    ] {
+        object.insert(key.into(), value);
+    }
+}
+
+/// Why cells are not as small as was asked for, and the option that can change it.
+pub(crate) fn limit_message(scene: &Scene, limit: &SizeLimit) -> String {
+    let option = match limit {
+        SizeLimit::MostElements { .. } => "",
+        SizeLimit::LeastSize { .. } | SizeLimit::FewerElements { .. } => " (--least-size)",
+    };
+    format!("{}{option}", limit.message(scene.length_unit.symbol()))
+}
+
+/// Why refinement of cells ended.
+pub(crate) fn ended(ended: Ended) -> &'static str {
+    match ended {
+        Ended::ToleranceReached => "tolerance reached",
+        Ended::EstimateReached => "estimate within the tolerance, measured error above it",
+        Ended::ResolutionReached => "elements of the least size are above the tolerance",
+        Ended::Stalled => "smaller elements do not lower the error any more",
+        Ended::TooManyElements => "limit on elements reached",
+        Ended::AsAsked => "as many elements as asked for",
+        Ended::Stopped => "stopped",
+    }
 }
 
 fn improvement(step: &Improvement) -> Value {
@@ -123,11 +163,7 @@ fn improvement(step: &Improvement) -> Value {
 }
 
 /// What a solve adds to the report.
-pub(crate) fn interreflection(
-    object: &mut Map<String, Value>,
-    scene: &Scene,
-    radiosity: &RadiositySolution,
-) {
+fn interreflection(object: &mut Map<String, Value>, scene: &Scene, radiosity: &Radiosity) {
     if !radiosity.reached.has_values() {
         for key in ["iterations", "residual", "measured_indirect_error", "power"] {
             object.insert(key.into(), Value::Null);
@@ -195,13 +231,13 @@ pub(crate) fn covered(scene: &Scene) -> Value {
 }
 
 /// The highest degree of any receiver: steps after meshing raise it on some.
-fn degree(meshes: &DirectSolution, options: &antumbra::Options) -> u8 {
-    let degrees = meshes.receivers.iter().map(|r| r.degree);
+fn degree(mesh: &Solution, options: &Options) -> u8 {
+    let degrees = mesh.receivers.iter().map(|r| r.degree);
     degrees.max().unwrap_or(options.chosen_degree())
 }
 
 /// An error that was measured, unless there was nothing to measure it on.
-pub(crate) fn measured(n_elements: usize, error: f64) -> Value {
+fn measured(n_elements: usize, error: f64) -> Value {
     if n_elements > 0 {
         json!(error)
     } else {
@@ -210,21 +246,16 @@ pub(crate) fn measured(n_elements: usize, error: f64) -> Value {
 }
 
 /// How far the work got until it was stopped.
-pub(crate) fn stopped(
-    stop: &Stop,
-    receivers: &[Progress],
-    radiosity: Option<&RadiositySolution>,
-) -> Value {
+fn stopped(stop: &Stop, outcome: &Outcome) -> Value {
     let mut object = Map::new();
     object.insert("by".into(), json!(stop.why));
     object.insert("phase".into(), json!(stop.phase.map(Phase::name)));
     let mut counts = Map::new();
     for progress in PROGRESSES {
-        let n = receivers.iter().filter(|p| **p == progress).count();
-        counts.insert(words(progress).into(), json!(n));
+        counts.insert(words(progress).into(), json!(n_with(outcome, progress)));
     }
     object.insert("receivers".into(), Value::Object(counts));
-    if let Some(radiosity) = radiosity {
+    if let Some(radiosity) = &outcome.radiosity {
         let (words, bytes) = match radiosity.reached {
             Reached::Finished => ("solved", None),
             Reached::Unfinished => ("solved coarsely", None),
@@ -239,14 +270,14 @@ pub(crate) fn stopped(
     Value::Object(object)
 }
 
-const PROGRESSES: [Progress; 4] = [
+pub(crate) const PROGRESSES: [Progress; 4] = [
     Progress::Finished,
     Progress::Unfinished,
     Progress::BorderOnly,
     Progress::Nothing,
 ];
 
-pub(crate) fn words(progress: Progress) -> &'static str {
+fn words(progress: Progress) -> &'static str {
     match progress {
         Progress::Finished => "finished",
         Progress::Unfinished => "unfinished",
@@ -255,9 +286,10 @@ pub(crate) fn words(progress: Progress) -> &'static str {
     }
 }
 
-fn n_with(result: &Outcome<'_>, progress: Progress) -> usize {
-    let meshes = &result.meshes.receivers;
-    meshes.iter().filter(|m| m.progress == progress).count()
+/// How many receivers got that far.
+pub(crate) fn n_with(outcome: &Outcome, progress: Progress) -> usize {
+    let receivers = outcome.mesh.receivers.iter();
+    receivers.filter(|m| m.progress == progress).count()
 }
 
 /// One band as a number, several as an array.
@@ -268,20 +300,14 @@ pub(crate) fn bands(values: &[f64]) -> Value {
     }
 }
 
-fn unresolved_area(meshes: &DirectSolution) -> f64 {
-    unresolved_share(
-        meshes
-            .receivers
-            .iter()
-            .map(|receiver| [receiver.unresolved_area(), receiver.area()]),
-    )
-}
-
-/// The share of the area whose elements are unresolved; of every receiver theirs, and all.
-pub(crate) fn unresolved_share(areas: impl Iterator<Item = [f64; 2]>) -> f64 {
-    let [unresolved, total] = areas.fold([0.0, 0.0], |[u, t], [unresolved, total]| {
-        [u + unresolved, t + total]
-    });
+/// The share of the area whose elements are unresolved.
+fn unresolved_area(mesh: &Solution) -> f64 {
+    let areas = mesh.receivers.iter();
+    let [unresolved, total] = areas
+        .map(|receiver| [receiver.unresolved_area(), receiver.area()])
+        .fold([0.0, 0.0], |[u, t], [unresolved, total]| {
+            [u + unresolved, t + total]
+        });
     if total > 0.0 { unresolved / total } else { 0.0 }
 }
 
@@ -303,162 +329,29 @@ pub(crate) fn counts(by_kind: &[u64; 6]) -> Value {
     Value::Object(object)
 }
 
-fn per_surface(scene: &Scene, result: &Outcome<'_>) -> Value {
-    let rows = result.meshes.receivers.iter().zip(result.curves);
+fn per_surface(scene: &Scene, outcome: &Outcome) -> Value {
+    let rows = outcome.mesh.receivers.iter().zip(&outcome.curves);
     rows.map(|(mesh, curves)| {
-        let row = SurfaceRow {
-            face: mesh.face,
-            elements: mesh.n_elements(),
-            nodes: mesh.nodes.len(),
-            exact_evaluations: mesh.exact_evaluations,
-            max_error: mesh.max_error(),
-            unresolved_elements: mesh.unresolved.len(),
-            progress: mesh.progress,
+        let (key, number) = match mesh.cells() {
+            Some(_) => ("t_vertices", mesh.n_t_vertices()),
+            None => ("curves", curves.critical.len()),
         };
-        row.with(scene, "curves", curves.critical.len())
-    })
-    .collect()
-}
-
-/// What is told of the mesh of a surface, whatever generated it.
-pub(crate) struct SurfaceRow {
-    pub(crate) face: FaceId,
-    pub(crate) elements: usize,
-    pub(crate) nodes: usize,
-    pub(crate) exact_evaluations: u64,
-    pub(crate) max_error: f64,
-    pub(crate) unresolved_elements: usize,
-    pub(crate) progress: Progress,
-}
-
-impl SurfaceRow {
-    /// The row with a number that only its generator has.
-    pub(crate) fn with(&self, scene: &Scene, key: &str, number: usize) -> Value {
-        let surface = scene.surface_of(self.face);
+        let surface = scene.surface_of(mesh.face);
         let mut row = json!({
             "surface": surface.name,
-            "part": self.face.0 - surface.faces.start,
-            "back": scene.face(self.face).is_back,
-            "elements": self.elements,
-            "nodes": self.nodes,
-            "exact_evaluations": self.exact_evaluations,
-            "max_error": self.max_error,
-            "unresolved_elements": self.unresolved_elements,
+            "part": mesh.face.0 - surface.faces.start,
+            "back": scene.face(mesh.face).is_back,
+            "elements": mesh.n_elements(),
+            "nodes": mesh.nodes.len(),
+            "exact_evaluations": mesh.exact_evaluations,
+            "max_error": mesh.max_error(),
+            "unresolved_elements": mesh.unresolved.len(),
             key: number,
         });
-        if let (true, Some(object)) = (self.progress != Progress::Finished, row.as_object_mut()) {
-            object.insert("progress".into(), json!(words(self.progress)));
+        if let (true, Some(object)) = (mesh.progress != Progress::Finished, row.as_object_mut()) {
+            object.insert("progress".into(), json!(words(mesh.progress)));
         }
         row
-    }
-}
-
-/// A few lines for people.
-pub(crate) fn summary(report: &Value, result: &Outcome<'_>) -> String {
-    let inserted = &report["events"]["inserted"];
-    let mut text = format!(
-        "{} surfaces, {} emitters: {} elements of degree {}, {} nodes\n\
-         curves: {} contact, {} VE, {} EE, {} EEE, {} facet, {} horizon, of {} ({} candidates)\n\
-         error: at most {:.2e} of the peak, rms {:.2e} (allowed {})\n\
-         {} exact evaluations, {:.3} s",
-        report["surfaces"],
-        report["emitters"],
-        report["elements"],
-        report["degree"],
-        report["nodes"],
-        inserted["contact"],
-        inserted["ve"],
-        inserted["ee"],
-        inserted["eee"],
-        inserted["facet"],
-        inserted["horizon"],
-        result.events.active.iter().sum::<u64>(),
-        result.events.candidates.iter().sum::<u64>(),
-        result.meshes.measured_max_error,
-        result.meshes.measured_rms_error,
-        report["tolerance"],
-        report["exact_evaluations"],
-        report["seconds"]["total"].as_f64().unwrap_or(0.0),
-    );
-    for step in result.improvements {
-        text.push_str(&match step.reason {
-            Some(reason) => format!("\n{}: nothing changed, {reason}", step.step.key()),
-            None => format!(
-                "\n{}: better on {} surfaces, taken back on {}; rms {:.2e} to {:.2e}",
-                step.step.key(),
-                step.n_improved,
-                step.n_taken_back,
-                step.rms_error[0],
-                step.rms_error[1]
-            ),
-        });
-    }
-    let unresolved = report["unresolved_elements"].as_u64().unwrap_or(0);
-    if unresolved > 0 {
-        text.push_str(&format!(
-            "\n{unresolved} elements ({:.1e} of the area) are at the resolution limit",
-            report["unresolved_area_fraction"].as_f64().unwrap_or(0.0),
-        ));
-    }
-    if result.is_stopped() {
-        let [finished, unfinished, border, nothing] = PROGRESSES.map(|p| n_with(result, p));
-        text.push_str(&format!(
-            "\nstopped by {} in phase {}: of {} receivers {finished} are finished, {unfinished} are \
-             less fine than asked for, {border} have coarse meshes without shadow boundaries, \
-             {nothing} have no values",
-            report["stopped"]["by"].as_str().unwrap_or("?"),
-            report["stopped"]["phase"].as_str().unwrap_or("?"),
-            result.meshes.receivers.len(),
-        ));
-    }
-    if let Some(radiosity) = result.radiosity {
-        text.push_str(&interreflection_summary(report, radiosity));
-    }
-    text
-}
-
-/// What a solve adds to the summary.
-pub(crate) fn interreflection_summary(report: &Value, radiosity: &RadiositySolution) -> String {
-    let mut text = String::new();
-    match radiosity.reached {
-        Reached::Finished | Reached::Unfinished => {}
-        Reached::Nothing => {
-            text.push_str("\ninterreflection: not solved; the values are direct light only");
-            return text;
-        }
-        Reached::NoRoom(bytes) => {
-            text.push_str(&format!(
-                "\ninterreflection: not solved, it needs {:.0} MB at least; the values are \
-                     direct light only",
-                bytes as f64 / 1e6
-            ));
-            return text;
-        }
-    }
-    let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
-    for row in &radiosity.row_sums {
-        (min, max) = (min.min(row.min), max.max(row.max));
-    }
-    text.push_str(&format!(
-        "\ninterreflection: {} iterations, residual {:.1e}, error at most {:.2e}\n\
-             power: emitted {}, absorbed {}, escaped {}, imbalance {:.1e}\n\
-             row sums, raw: {min:.6} to {max:.6}{}",
-        radiosity.iterations,
-        radiosity.residual,
-        radiosity.measured_indirect_error,
-        report["power"]["emitted"],
-        report["power"]["absorbed"],
-        report["power"]["escaped"],
-        radiosity.power.imbalance,
-        if report["tolerance"]
-            .as_f64()
-            .is_some_and(|t| radiosity.measured_indirect_error > t)
-        {
-            "\nindirect light is above the tolerance where it bends sharply; that tolerance is \
-                 promised for direct light only"
-        } else {
-            ""
-        },
-    ));
-    text
+    })
+    .collect()
 }

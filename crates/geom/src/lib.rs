@@ -6,6 +6,7 @@
 pub mod cdt;
 mod chart;
 mod coarse;
+mod control;
 mod convex;
 mod measure;
 mod polygon;
@@ -14,6 +15,7 @@ mod stop;
 
 pub use chart::Chart;
 pub use coarse::{coarse_order, exceeds};
+pub use control::{Control, Phase};
 pub use convex::convex_pieces;
 pub use glam::{DVec2, DVec3, dvec2, dvec3};
 pub use measure::{bounding_box, distance_to_segment, distance_to_segment_in_space};

@@ -1,6 +1,6 @@
 //! The arrangement of the curves on a receiver: edges that meet only in vertices.
 
-use antumbra_geom::Stop;
+use antumbra_geom::{Control, Stop};
 use glam::{DVec2, dvec2};
 use smallvec::SmallVec;
 
@@ -127,25 +127,20 @@ pub struct Arrangement {
 /// Curves that coincide up to a few pixels share edges; the border stays where it
 /// is and others join it. Curves may end anywhere, also outside the border.
 /// Curves without length or with coordinates that are not finite are left out.
-/// The result does not depend on the order of the curves, except for their ids.
+/// The result does not depend on the order of the curves, except for their ids. Nothing
+/// if it is stopped.
 ///
 /// # Source
 ///
 /// Hobby 1999 and Guibas & Marimont 1998 for the rounding; `docs/numerics.md`
 /// for what comes before it.
 #[must_use]
-pub fn arrange(curves: &[TaggedCurve], options: &ArrangementOptions) -> Arrangement {
-    // Nothing stops it, so there is always one.
-    arrange_until(curves, options, Stop::NEVER).unwrap_or_default()
-}
-
-/// The same; nothing if it was stopped.
-#[must_use]
-pub fn arrange_until(
+pub fn arrange(
     curves: &[TaggedCurve],
     options: &ArrangementOptions,
-    stop: Stop<'_>,
+    control: &Control<'_>,
 ) -> Option<Arrangement> {
+    let stop = control.stop;
     if stop.is_wanted() {
         return None;
     }

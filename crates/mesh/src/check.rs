@@ -642,6 +642,7 @@ fn to_f64(pixel: [i64; 2]) -> DVec2 {
 mod tests {
     use super::*;
     use crate::{ArrangementOptions, Cut, arrange};
+    use antumbra_geom::Control;
 
     fn curve(points: &[(f64, f64)], order: Order) -> TaggedCurve {
         TaggedCurve {
@@ -671,7 +672,8 @@ mod tests {
     }
 
     fn arranged() -> Arrangement {
-        let arrangement = arrange(&curves(), &ArrangementOptions::default());
+        let arrangement =
+            arrange(&curves(), &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default();
         assert_eq!(arrangement.check(&curves()), Ok(()));
         arrangement
     }
@@ -1004,7 +1006,8 @@ mod tests {
         let mut open = curves();
         let a = arranged();
         open[1].order = Order::D0;
-        let filled = arrange(&open, &ArrangementOptions::default());
+        let filled =
+            arrange(&open, &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default();
         let mesh = TriMesh::new(&filled, &open).unwrap();
         let message = mesh.check_against(&a).unwrap_err();
         assert!(message.contains("the border bounds 15"), "{message}");

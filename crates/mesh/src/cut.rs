@@ -267,6 +267,7 @@ impl Refinement<'_> {
 mod tests {
     use super::*;
     use crate::{ArrangementOptions, TaggedCurve, arrange};
+    use antumbra_geom::Control;
     use glam::dvec2;
 
     fn square() -> TriMesh {
@@ -275,7 +276,8 @@ mod tests {
             points: corners.map(|(x, y)| dvec2(x, y)).to_vec(),
             order: Order::Boundary,
         }];
-        let arrangement = arrange(&curves, &ArrangementOptions::default());
+        let arrangement =
+            arrange(&curves, &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default();
         TriMesh::new(&arrangement, &curves).expect("a square")
     }
 

@@ -55,6 +55,7 @@ impl TriMesh {
 #[cfg(test)]
 mod tests {
     use crate::{ArrangementOptions, Order, TaggedCurve, TriMesh, arrange};
+    use antumbra_geom::Control;
     use glam::dvec2;
 
     #[test]
@@ -70,7 +71,8 @@ mod tests {
                 order: Order::D1,
             },
         ];
-        let arrangement = arrange(&curves, &ArrangementOptions::default());
+        let arrangement =
+            arrange(&curves, &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default();
         let mut mesh = TriMesh::new(&arrangement, &curves).expect("a rectangle has area");
         let (n, area) = (mesh.triangles.len(), mesh.total_area());
         for k in 1..4 {

@@ -24,7 +24,6 @@ mod trimesh;
 
 pub use arrange::{
     ArrangedEdge, Arrangement, ArrangementOptions, ArrangementReport, Order, TaggedCurve, arrange,
-    arrange_until,
 };
 pub use bisect::Split;
 pub use cut::{Cut, Origins};

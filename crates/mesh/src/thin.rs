@@ -9,7 +9,7 @@ use crate::arrange::{ArrangementOptions, Order, TaggedCurve, arrange};
 use crate::cells::{Cell, CellMesh, Midpoints};
 use crate::sets::CurveSets;
 use crate::trimesh::{TriMesh, ascending};
-use antumbra_geom::{bounding_box, cdt};
+use antumbra_geom::{Control, bounding_box, cdt};
 use glam::DVec2;
 use std::collections::HashMap;
 
@@ -133,7 +133,8 @@ pub fn folded(border: &[Vec<DVec2>]) -> Folded {
             order: Order::Boundary,
         })
         .collect();
-    let arrangement = arrange(&curves, &ArrangementOptions::default());
+    let arrangement =
+        arrange(&curves, &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default();
     if arrangement.edges.iter().all(|e| e.separates) && !arrangement.edges.is_empty() {
         return Folded::None;
     }

@@ -3,6 +3,7 @@
 
 mod common;
 
+use antumbra_geom::Control;
 use std::time::Instant;
 
 use antumbra_mesh::{
@@ -12,7 +13,8 @@ use common::{FAMILIES, Rng, curve, family, moved, outline, segment, square};
 use glam::{DVec2, dvec2};
 
 fn arranged(curves: &[TaggedCurve]) -> Arrangement {
-    let arrangement = arrange(curves, &ArrangementOptions::default());
+    let arrangement =
+        arrange(curves, &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default();
     arrangement.check(curves).unwrap();
     arrangement
 }
@@ -104,7 +106,7 @@ fn coarse_pixels_and_ties_keep_all_promises() {
         for _ in 0..30 {
             curves.push(segment(dvec2(at(), at()), dvec2(at(), at())));
         }
-        let arrangement = arrange(&curves, &options);
+        let arrangement = arrange(&curves, &options, &Control::NEVER).unwrap_or_default();
         arrangement.check(&curves).unwrap();
         let mesh = TriMesh::new(&arrangement, &curves).unwrap();
         mesh.check().unwrap();
@@ -501,7 +503,8 @@ fn thousands_of_collinear_segments_are_one_line() {
         curves.push(segment(a.lerp(b, s), a.lerp(b, t)));
     }
     let start = Instant::now();
-    let arrangement = arrange(&curves, &ArrangementOptions::default());
+    let arrangement =
+        arrange(&curves, &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default();
     assert!(
         start.elapsed().as_secs_f64() < 2.0,
         "took {:?}",
@@ -640,7 +643,7 @@ fn too_many_edges_make_pixels_coarser() {
         max_links: 1000,
         ..Default::default()
     };
-    let arrangement = arrange(&curves, &options);
+    let arrangement = arrange(&curves, &options, &Control::NEVER).unwrap_or_default();
     assert!(arrangement.report.n_coarsened > 0);
     arrangement.check(&curves).unwrap();
 }
@@ -652,7 +655,8 @@ fn times() {
     for n in [100, 1000] {
         let curves = family("random", n, 0.0, &mut Rng::new(10));
         let start = Instant::now();
-        let arrangement = arrange(&curves, &ArrangementOptions::default());
+        let arrangement =
+            arrange(&curves, &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default();
         let arranged = start.elapsed();
         let mesh = TriMesh::new(&arrangement, &curves).unwrap();
         eprintln!(
@@ -681,7 +685,7 @@ fn many_random_sets_keep_all_promises() {
                     sub_bits,
                     ..Default::default()
                 };
-                let arrangement = arrange(&curves, &options);
+                let arrangement = arrange(&curves, &options, &Control::NEVER).unwrap_or_default();
                 arrangement
                     .check(&curves)
                     .unwrap_or_else(|e| panic!("{seed} {name} {n} {noise} {options:?}: {e}"));

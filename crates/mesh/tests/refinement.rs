@@ -3,6 +3,7 @@
 
 mod common;
 
+use antumbra_geom::Control;
 use std::time::Instant;
 
 use antumbra_mesh::{
@@ -17,7 +18,8 @@ fn mesh_of(name: &str, n: usize, noise: f64, seed: u64) -> TriMesh {
 
 fn arranged_mesh_of(name: &str, n: usize, noise: f64, seed: u64) -> (Arrangement, TriMesh) {
     let curves = family(name, n, noise, &mut Rng::new(seed));
-    let arrangement = arrange(&curves, &ArrangementOptions::default());
+    let arrangement =
+        arrange(&curves, &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default();
     let mesh = TriMesh::new(&arrangement, &curves).unwrap();
     (arrangement, mesh)
 }
@@ -139,8 +141,11 @@ fn random_splits_keep_all_promises_and_the_area_and_make_nothing_below_pixels() 
 fn halves_of_an_edge_inherit_its_curves() {
     let (a, b) = (dvec2(-0.6, -0.1), dvec2(0.5, 0.2));
     let curves = [square(1.0), segment(a, b)];
-    let mut mesh =
-        TriMesh::new(&arrange(&curves, &ArrangementOptions::default()), &curves).unwrap();
+    let mut mesh = TriMesh::new(
+        &arrange(&curves, &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default(),
+        &curves,
+    )
+    .unwrap();
     for _ in 0..6 {
         let all: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
         mesh.bisect(&all);
@@ -167,8 +172,11 @@ fn repeated_bisection_of_a_sliver_ends_and_does_not_turn_it_over() {
     let mut curves = vec![square(1.0)];
     curves.push(segment(dvec2(-0.9, 0.1), dvec2(0.9, 0.100_000_000_4)));
     curves.push(segment(dvec2(-0.9, 0.100_000_07), dvec2(0.9, 0.100_000_04)));
-    let mut mesh =
-        TriMesh::new(&arrange(&curves, &ArrangementOptions::default()), &curves).unwrap();
+    let mut mesh = TriMesh::new(
+        &arrange(&curves, &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default(),
+        &curves,
+    )
+    .unwrap();
     for _ in 0..12 {
         let smallest = (0..mesh.triangles.len() as u32)
             .min_by(|&s, &t| mesh.area(s).total_cmp(&mesh.area(t)))
@@ -182,8 +190,11 @@ fn repeated_bisection_of_a_sliver_ends_and_does_not_turn_it_over() {
 #[test]
 fn triangles_too_small_to_halve_stay_whole() {
     let curves = [square(1.0)];
-    let mut mesh =
-        TriMesh::new(&arrange(&curves, &ArrangementOptions::default()), &curves).unwrap();
+    let mut mesh = TriMesh::new(
+        &arrange(&curves, &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default(),
+        &curves,
+    )
+    .unwrap();
     for _ in 0..300 {
         mesh.bisect(&[0]);
     }
@@ -225,7 +236,11 @@ fn every_point_is_found_where_it_is() {
 fn nothing_is_found_in_a_hole() {
     let hole = [(-0.5, -0.5), (-0.5, 0.5), (0.5, 0.5), (0.5, -0.5)].map(|(x, y)| dvec2(x, y));
     let curves = [square(1.0), outline(&hole)];
-    let mesh = TriMesh::new(&arrange(&curves, &ArrangementOptions::default()), &curves).unwrap();
+    let mesh = TriMesh::new(
+        &arrange(&curves, &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default(),
+        &curves,
+    )
+    .unwrap();
     let locator = Locator::new(&mesh);
     assert_eq!(locator.locate(&mesh, DVec2::ZERO), None);
     assert!(locator.locate(&mesh, dvec2(0.7, 0.0)).is_some());

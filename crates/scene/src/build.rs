@@ -50,19 +50,6 @@ impl Scene {
         Self::build_or_stop(input, Stop::NEVER)
     }
 
-    /// The same, unless it is stopped: then nothing, for some of the surfaces are no
-    /// scene.
-    ///
-    /// # Errors
-    ///
-    /// As [`Scene::build`].
-    #[must_use]
-    pub fn build_until(input: &SceneInput, stop: Stop<'_>) -> Option<Result<Built, Vec<Problem>>> {
-        let built = Self::build_or_stop(input, stop);
-        // What was begun and is not done has holes that look like findings.
-        (!stop.is_wanted()).then_some(built)
-    }
-
     /// What is found after a stop means nothing.
     fn build_or_stop(input: &SceneInput, stop: Stop<'_>) -> Result<Built, Vec<Problem>> {
         let mut findings = Findings::default();

@@ -31,7 +31,7 @@ use crate::build::short;
 use crate::bvh::Aabb;
 use crate::problem::{Problem, Severity};
 use crate::scene::{Scene, SurfaceId};
-use antumbra_geom::Stop;
+use antumbra_geom::{Control, Stop};
 use glam::DVec3;
 use joints::{Component, Joints};
 use std::collections::BTreeMap;
@@ -132,17 +132,12 @@ impl Scene {
     }
 
     /// What is wrong with rooms: surfaces that face the wrong way, and rooms that are open.
+    ///
+    /// Nothing if it is stopped: what is not looked at may lie beside what is.
     #[must_use]
-    pub fn room_problems(&self) -> Vec<Problem> {
-        self.rooms_or_stop(Stop::NEVER)
-    }
-
-    /// The same, unless it is stopped: then nothing, for what is not looked at may lie
-    /// beside what is.
-    #[must_use]
-    pub fn room_problems_until(&self, stop: Stop<'_>) -> Option<Vec<Problem>> {
-        let problems = self.rooms_or_stop(stop);
-        (!stop.is_wanted()).then_some(problems)
+    pub fn room_problems(&self, control: &Control<'_>) -> Option<Vec<Problem>> {
+        let problems = self.rooms_or_stop(control.stop);
+        (!control.stop.is_wanted()).then_some(problems)
     }
 
     /// What is found after a stop means nothing.
@@ -377,7 +372,7 @@ mod tests {
             ..SceneInput::default()
         };
         let scene = Scene::build(&input).unwrap().scene;
-        let problems = scene.room_problems().into_iter();
+        let problems = scene.room_problems(&Control::NEVER).into_iter().flatten();
         let flipped = problems.filter(|p| p.kind == "flipped");
         flipped.map(|p| p.names).collect()
     }

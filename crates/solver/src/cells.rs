@@ -13,12 +13,11 @@ mod places;
 
 pub use estimate::Estimator;
 pub use layout::{edge_nodes, nodes_of_cell};
-pub use mesh::{CellReceiverMesh, CellSolution, DirectMesh};
 
-use crate::direct::Tolerance;
-use crate::field::{Light, Progress, SAFETY};
-use crate::limits::Limits;
-use antumbra_geom::{Chart, Stop, bounding_box};
+use crate::field::{Light, SAFETY};
+use crate::scale::{Scale, Tolerance};
+use crate::solution::{Ended, Progress, Solution};
+use antumbra_geom::{Chart, Control, Phase, Stop, bounding_box};
 use antumbra_mesh::cells::{CellForest, Rule};
 use antumbra_scene::FaceId;
 use estimate::Points;
@@ -82,26 +81,6 @@ pub struct CellDirectOptions {
     pub least_size: f64,
     /// No more elements than this.
     pub most_elements: usize,
-}
-
-/// Why refinement ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CellEnded {
-    /// The measured error is within the tolerance.
-    ToleranceReached,
-    /// The estimated error is within the tolerance, and the measured one is not.
-    EstimateReached,
-    /// Elements reached the least size first.
-    LeastSizeReached,
-    /// Halving the size of whole receivers did not lower their error any more, as where
-    /// something stands on them: there is no size for the tolerance.
-    Stalled,
-    /// The limit on elements was reached first, or more than it allows were asked for.
-    TooManyElements,
-    /// No tolerance was asked for.
-    AsAsked,
-    /// Asked to stop: budget, memory or interruption.
-    Stopped,
 }
 
 /// The light that meshes were not made for.
@@ -248,7 +227,7 @@ impl Field {
         &mut self,
         forest: CellForest,
         light: &dyn Light,
-        limits: &Limits<'_>,
+        control: &Control<'_>,
         stop: Stop<'_>,
     ) -> bool {
         let (mesh, leaves) = forest.mesh();
@@ -256,7 +235,7 @@ impl Field {
         let before = self.places.len();
         let layout = Layout::new(mesh, leaves, self.degree, is_continuous, &mut self.places);
         let n_new = self.places.len() - before;
-        if n_new > MANY_NODES && !(limits.has_room)(n_new as u64 * BYTES_PER_NODE) {
+        if n_new > MANY_NODES && !(control.has_room)(n_new as u64 * BYTES_PER_NODE) {
             return false;
         }
         if !self.evaluate_places(&layout.free_places(), light, stop) {
@@ -305,44 +284,41 @@ fn all(done: impl ParallelIterator<Item = bool>) -> bool {
 #[derive(Debug)]
 pub struct CellMeshes {
     pub(crate) fields: Vec<Field>,
-    pub(crate) peak: Vec<f64>,
-    rounding: f64,
+    pub(crate) scale: Scale,
     options: CellDirectOptions,
-    ended: CellEnded,
+    ended: Ended,
 }
 
 impl CellMeshes {
     /// Values on all receivers, refined until the goal is reached.
     ///
-    /// `progress` is told the number of elements and how much of the goal is reached.
+    /// Progress is the share of elements that need no refinement.
     pub fn solve(
         receivers: Vec<CellReceiver>,
         light: &dyn Light,
         options: &CellDirectOptions,
-        limits: &Limits<'_>,
-        progress: &(dyn Fn(usize, f64) + Sync),
+        control: &Control<'_>,
     ) -> Self {
         let fields: Vec<Field> = receivers
             .into_par_iter()
             .map(|r| Field::new(r, light, options.degree))
             .collect();
         let mut meshes = Self {
-            peak: vec![0.0; light.n_bands()],
-            rounding: 0.0,
+            scale: Scale::new(light.n_bands()),
             fields,
             options: *options,
-            ended: CellEnded::AsAsked,
+            ended: Ended::AsAsked,
         };
         let start = |field: &mut Field, stop| {
             let forest = field.forest.clone();
-            field.adopt(forest, light, limits, stop)
+            field.adopt(forest, light, control, stop)
         };
-        let is_done = all(meshes.fields.par_iter_mut().map(|f| start(f, limits.stop)));
+        let is_done = all(meshes.fields.par_iter_mut().map(|f| start(f, control.stop)));
         if !is_done {
             // The meshes that there is still time for.
             meshes.fields.par_iter_mut().for_each(|field| {
                 if field.current.is_none() {
-                    field.progress = if start(field, limits.at_once) {
+                    field.progress = if start(field, control.at_once) {
                         Progress::BorderOnly
                     } else {
                         Progress::Nothing
@@ -352,13 +328,13 @@ impl CellMeshes {
         }
         meshes.gather_peak(light);
         meshes.ended = if is_done {
-            meshes.refine(light, limits, progress)
+            meshes.refine(light, control)
         } else {
-            CellEnded::Stopped
+            Ended::Stopped
         };
-        meshes.measure(light, limits);
+        meshes.measure(light, control);
         for field in &mut meshes.fields {
-            if field.progress == Progress::Unfinished && meshes.ended != CellEnded::Stopped {
+            if field.progress == Progress::Unfinished && meshes.ended != Ended::Stopped {
                 field.progress = Progress::Finished;
             }
         }
@@ -366,12 +342,7 @@ impl CellMeshes {
     }
 
     /// The loop of Cohen et al. 1986: estimate, refine, evaluate what is new.
-    fn refine(
-        &mut self,
-        light: &dyn Light,
-        limits: &Limits<'_>,
-        progress: &(dyn Fn(usize, f64) + Sync),
-    ) -> CellEnded {
+    fn refine(&mut self, light: &dyn Light, control: &Control<'_>) -> Ended {
         let CellDirectOptions {
             goal,
             estimator,
@@ -379,16 +350,16 @@ impl CellMeshes {
             ..
         } = self.options;
         if goal == CellGoal::AsGiven {
-            progress(self.n_elements(), 1.0);
-            return CellEnded::AsAsked;
+            (control.progress)(Phase::Irradiance, 1.0);
+            return Ended::AsAsked;
         }
         if matches!(goal, CellGoal::Elements(wanted) if wanted > most_elements) {
-            return CellEnded::TooManyElements;
+            return Ended::TooManyElements;
         }
         let mut points = (estimator == Estimator::Measured).then_some(Points::Nested);
         loop {
-            if limits.stop.is_wanted() || !self.estimate(points, light, limits.stop) {
-                return CellEnded::Stopped;
+            if control.stop.is_wanted() || !self.estimate(points, light, control.stop) {
+                return Ended::Stopped;
             }
             if self.options.refinement == CellRefinement::Whole
                 && goal_is_tolerance(goal)
@@ -402,11 +373,14 @@ impl CellMeshes {
             let marked = match goal {
                 CellGoal::AsGiven => Vec::new(),
                 CellGoal::Tolerance(_) => self.out_of_tolerance(),
-                CellGoal::Elements(wanted) if n_elements >= wanted => return CellEnded::AsAsked,
+                CellGoal::Elements(wanted) if n_elements >= wanted => return Ended::AsAsked,
                 CellGoal::Elements(wanted) => self.worst(wanted - n_elements),
             };
             let n_marked: usize = marked.iter().map(Vec::len).sum();
-            progress(n_elements, 1.0 - n_marked as f64 / n_elements.max(1) as f64);
+            (control.progress)(
+                Phase::Irradiance,
+                1.0 - n_marked as f64 / n_elements.max(1) as f64,
+            );
             if n_marked == 0 {
                 if points == Some(Points::Nested) && goal_is_tolerance(goal) {
                     // All within the tolerance at the first points: then at others.
@@ -415,15 +389,15 @@ impl CellMeshes {
                 }
                 return match goal {
                     // Nothing left to refine: that is all there can be.
-                    CellGoal::Elements(_) => CellEnded::LeastSizeReached,
-                    _ => CellEnded::ToleranceReached,
+                    CellGoal::Elements(_) => Ended::ResolutionReached,
+                    _ => Ended::ToleranceReached,
                 };
             }
             if points.is_some() {
                 points = Some(Points::Nested);
             }
             if n_elements + 3 * n_marked > most_elements {
-                return CellEnded::TooManyElements;
+                return Ended::TooManyElements;
             }
             let is_done = all(self.fields.par_iter_mut().zip(&marked).map(|(f, marked)| {
                 let Some(current) = f.current.as_ref().filter(|_| !marked.is_empty()) else {
@@ -435,11 +409,11 @@ impl CellMeshes {
                     .collect();
                 let mut forest = f.forest.clone();
                 forest.refine(&leaves);
-                f.adopt(forest, light, limits, limits.stop)
+                f.adopt(forest, light, control, control.stop)
             }));
             self.gather_peak(light);
             if !is_done {
-                return CellEnded::Stopped;
+                return Ended::Stopped;
             }
         }
     }
@@ -464,26 +438,26 @@ impl CellMeshes {
     }
 
     /// Measures the errors of all elements, and says whether a tolerance is kept.
-    fn measure(&mut self, light: &dyn Light, limits: &Limits<'_>) {
-        let is_measured = self.estimate(Some(Points::NestedAndOthers), light, limits.at_once);
+    fn measure(&mut self, light: &dyn Light, control: &Control<'_>) {
+        let is_measured = self.estimate(Some(Points::NestedAndOthers), light, control.at_once);
         if !is_measured {
-            self.ended = CellEnded::Stopped;
+            self.ended = Ended::Stopped;
         }
-        if self.ended == CellEnded::ToleranceReached {
+        if self.ended == Ended::ToleranceReached {
             let allowed = self.allowed();
             let least = self.options.least_size;
             for field in self.fields.iter().filter(|f| !f.is_thin) {
                 for c in 0..field.n_elements() {
                     if field.excess(c, &allowed) > 1.0 {
                         if field.n_stalled >= MOST_STALLED {
-                            self.ended = CellEnded::Stalled;
+                            self.ended = Ended::Stalled;
                             return;
                         }
                         if field.is_at_least_size(c, least) {
-                            self.ended = CellEnded::LeastSizeReached;
+                            self.ended = Ended::ResolutionReached;
                             return;
                         }
-                        self.ended = CellEnded::EstimateReached;
+                        self.ended = Ended::EstimateReached;
                     }
                 }
             }
@@ -526,7 +500,7 @@ impl CellMeshes {
 
     /// The elements with the largest errors, at most as many as bring `missing` more.
     fn worst(&self, missing: usize) -> Vec<Vec<u32>> {
-        let scale = self.scale();
+        let scale = self.scale.per_band();
         let least = self.options.least_size;
         let mut all: Vec<(f64, usize, u32)> = Vec::new();
         for (f, field) in self.fields.iter().enumerate() {
@@ -558,37 +532,21 @@ impl CellMeshes {
     }
 
     fn gather_peak(&mut self, light: &dyn Light) {
-        self.rounding = light.rounding();
-        for field in &self.fields {
-            for (band, value) in self.peak.iter_mut().zip(&field.peak) {
-                *band = f64::max(*band, *value);
-            }
-        }
-    }
-
-    /// What errors in each band are relative to: the peak, but no less than a thousand
-    /// times what may be rounding.
-    fn scale(&self) -> Vec<f64> {
-        let least = 1e3 * self.rounding;
-        self.peak
-            .iter()
-            .map(|&p| if p > 0.0 { p.max(least) } else { 0.0 })
-            .collect()
+        let peaks = self.fields.iter().map(|field| field.peak.as_slice());
+        self.scale.gather(peaks, light.rounding());
     }
 
     /// The error allowed in each band; without a tolerance, none is.
     fn allowed(&self) -> Vec<f64> {
-        let scale = self.scale();
         match self.options.goal {
-            CellGoal::Tolerance(Tolerance::Relative(t)) => scale.iter().map(|p| t * p).collect(),
-            CellGoal::Tolerance(Tolerance::Absolute(t)) => vec![t; scale.len()],
-            _ => vec![0.0; scale.len()],
+            CellGoal::Tolerance(tolerance) => self.scale.allowed(tolerance),
+            _ => vec![0.0; self.scale.peak.len()],
         }
     }
 
     /// Why refinement ended.
     #[must_use]
-    pub fn ended(&self) -> CellEnded {
+    pub fn ended(&self) -> Ended {
         self.ended
     }
 
@@ -642,7 +600,7 @@ impl CellMeshes {
 
     /// Packs the meshes and sums up what was measured.
     #[must_use]
-    pub fn finish(self) -> CellSolution {
+    pub fn finish(self) -> Solution {
         mesh::finish(self, None, Stop::NEVER)
     }
 
@@ -651,7 +609,7 @@ impl CellMeshes {
     /// What is not known yet of the two is evaluated at the nodes. If it is stopped, some
     /// receivers have no `irradiance`.
     #[must_use]
-    pub fn finish_solved(self, other: Other<'_>, stop: Stop<'_>) -> CellSolution {
+    pub fn finish_solved(self, other: Other<'_>, stop: Stop<'_>) -> Solution {
         mesh::finish(self, Some(other), stop)
     }
 }

@@ -4,20 +4,12 @@
 //! measure what interpolation costs; elements above the tolerance are bisected
 //! until the whole scene is below it.
 
-use crate::field::{Field, Light, Progress, Receiver, ReceiverMesh, confirm};
-use crate::limits::Limits;
-use antumbra_geom::Stop;
+use crate::field::{Field, Light, Receiver, confirm};
+use crate::scale::{Scale, Tolerance};
+use crate::solution::{Ended, Progress, ReceiverMesh, Solution};
+use antumbra_geom::{Control, Phase, Stop};
 use antumbra_mesh::TriMesh;
 use rayon::prelude::*;
-
-/// When to stop.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Tolerance {
-    /// Relative to the largest irradiance of the scene, per band.
-    Relative(f64),
-    /// In the scene's units.
-    Absolute(f64),
-}
 
 /// How to mesh direct light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,34 +25,6 @@ pub struct DirectOptions {
     pub verify: bool,
 }
 
-/// Why refinement ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ended {
-    /// The measured error is within the tolerance.
-    ToleranceReached,
-    /// Elements reached the resolution of the mesh first.
-    ResolutionReached,
-    /// The limit on elements was reached first.
-    TooManyElements,
-    /// Asked to stop: budget, memory or interruption.
-    Stopped,
-}
-
-/// All receivers' meshes, and what was measured.
-#[derive(Debug)]
-pub struct DirectSolution {
-    /// One per receiver, in the order given.
-    pub receivers: Vec<ReceiverMesh>,
-    /// Largest irradiance per band.
-    pub peak: Vec<f64>,
-    /// Largest error at a check point, relative to the peak.
-    pub measured_max_error: f64,
-    /// Root mean square over the area, relative to the peak.
-    pub measured_rms_error: f64,
-    /// Why refinement ended.
-    pub ended: Ended,
-}
-
 /// No element longer than this fraction of its receiver's diagonal: so that no
 /// feature the curves do not tell of hides in one element.
 const COARSEST: f64 = 0.5;
@@ -74,9 +38,7 @@ fn all(done: impl ParallelIterator<Item = bool>) -> bool {
 #[derive(Debug)]
 pub struct DirectMeshes {
     pub(crate) fields: Vec<Field>,
-    pub(crate) peak: Vec<f64>,
-    /// What may be rounding of all values.
-    rounding: f64,
+    pub(crate) scale: Scale,
     tolerance: Tolerance,
     ended: Ended,
     /// Places of the last look per weight; 0 before the first.
@@ -86,16 +48,14 @@ pub struct DirectMeshes {
 impl DirectMeshes {
     /// Values on all receivers to the tolerance.
     ///
-    /// `progress` is told the number of elements and the share of them that is within
-    /// the tolerance.
+    /// Progress is the share of elements that is within the tolerance.
     pub fn solve(
         receivers: Vec<Receiver>,
         light: &dyn Light,
         options: &DirectOptions,
-        limits: &Limits<'_>,
-        progress: &(dyn Fn(usize, f64) + Sync),
+        control: &Control<'_>,
     ) -> Self {
-        let stop = limits.stop;
+        let stop = control.stop;
         let mut fields: Vec<Field> = receivers
             .into_par_iter()
             .map(|r| Field::new(r, light, options.degree, stop))
@@ -106,8 +66,7 @@ impl DirectMeshes {
             }
         });
         let mut meshes = Self {
-            peak: vec![0.0; light.n_bands()],
-            rounding: 0.0,
+            scale: Scale::new(light.n_bands()),
             fields,
             tolerance: options.tolerance,
             ended: Ended::ToleranceReached,
@@ -115,7 +74,7 @@ impl DirectMeshes {
         };
         let mut is_stopped = !meshes.evaluate(light, stop) || stop.is_wanted();
         if is_stopped {
-            meshes.round_off(light, limits.at_once);
+            meshes.round_off(light, control.at_once);
         }
         loop {
             let n_elements = meshes.n_elements();
@@ -135,7 +94,10 @@ impl DirectMeshes {
                 }
             }
             let n_marked = count(&levels);
-            progress(n_elements, 1.0 - n_marked as f64 / n_elements.max(1) as f64);
+            (control.progress)(
+                Phase::Irradiance,
+                1.0 - n_marked as f64 / n_elements.max(1) as f64,
+            );
             meshes.ended = if is_stopped {
                 Ended::Stopped
             } else if n_marked == 0 {
@@ -229,12 +191,8 @@ impl DirectMeshes {
     }
 
     pub(crate) fn gather_peak(&mut self, light: &dyn Light) {
-        self.rounding = light.rounding();
-        for field in &self.fields {
-            for (band, value) in self.peak.iter_mut().zip(&field.peak) {
-                *band = f64::max(*band, *value);
-            }
-        }
+        let peaks = self.fields.iter().map(|field| field.peak.as_slice());
+        self.scale.gather(peaks, light.rounding());
     }
 
     /// Refines, and evaluates what is new. Returns whether all is evaluated: receivers
@@ -270,26 +228,9 @@ impl DirectMeshes {
         is_done
     }
 
-    /// What errors in each band are relative to: the peak, but no less than a thousand
-    /// times what may be rounding. In a scene where all light is rounding, what leaks
-    /// into a box by 1e-16 is nothing to be resolved.
-    pub(crate) fn scale(&self) -> Vec<f64> {
-        let least = 1e3 * self.rounding;
-        self.peak
-            .iter()
-            .map(|&p| if p > 0.0 { p.max(least) } else { 0.0 })
-            .collect()
-    }
-
     /// The error allowed in each band, in the scene's units.
     pub(crate) fn allowed(&self) -> Vec<f64> {
-        self.scale()
-            .iter()
-            .map(|&p| match self.tolerance {
-                Tolerance::Relative(t) => t * p,
-                Tolerance::Absolute(t) => t,
-            })
-            .collect()
+        self.scale.allowed(self.tolerance)
     }
 
     /// How far every receiver got.
@@ -323,9 +264,8 @@ impl DirectMeshes {
     ///
     /// * `totals` — irradiance with interreflection on the nodes of every
     ///   receiver, if there is any.
-    pub(crate) fn finish_with(self, totals: Option<Vec<Vec<f64>>>) -> DirectSolution {
-        let (allowed, scale) = (self.allowed(), self.scale());
-        let peak = self.peak;
+    pub(crate) fn finish_with(self, totals: Option<Vec<Vec<f64>>>) -> Solution {
+        let (allowed, scale) = (self.allowed(), self.scale.per_band());
         let totals: Vec<Option<Vec<f64>>> = match totals {
             Some(totals) => totals.into_iter().map(Some).collect(),
             None => vec![None; self.fields.len()],
@@ -336,37 +276,17 @@ impl DirectMeshes {
             .zip(totals)
             .map(|(f, total)| f.finish(&allowed, &scale, total.as_deref()))
             .collect();
-        let (mut max, mut square, mut area) = (0.0f64, 0.0, 0.0);
-        let mut is_above = false;
-        for receiver in &receivers {
-            max = max.max(receiver.max_error());
-            for (t, &error) in receiver.element_errors.iter().enumerate() {
-                let a = receiver.mesh.area(t as u32);
-                square += error * error * a;
-                area += a;
-            }
-            is_above |= receiver.n_above > receiver.unresolved.len();
-        }
+        let is_above = receivers.iter().any(|r| r.n_above > r.unresolved.len());
         let ended = match self.ended {
             Ended::ToleranceReached if is_above => Ended::ResolutionReached,
             ended => ended,
         };
-        DirectSolution {
-            receivers,
-            peak,
-            measured_max_error: max,
-            measured_rms_error: if area > 0.0 {
-                (square / area).sqrt()
-            } else {
-                0.0
-            },
-            ended,
-        }
+        Solution::new(receivers, self.scale.peak, ended)
     }
 
     /// Packs the meshes and sums up what was measured.
     #[must_use]
-    pub fn finish(self) -> DirectSolution {
+    pub fn finish(self) -> Solution {
         self.finish_with(None)
     }
 }

@@ -6,9 +6,12 @@ pub(crate) mod posterior;
 mod sides;
 
 use crate::basis::{MOST_NODES, lattice, n_nodes, values};
-use antumbra_geom::{Chart, Stop, bounding_box, coarse_order, distance_to_segment, exceeds};
+use crate::solution::{Elements, Progress, ReceiverMesh, Triangles};
+use antumbra_geom::{
+    Chart, Control, Stop, bounding_box, coarse_order, distance_to_segment, exceeds,
+};
 use antumbra_mesh::{
-    ArrangementOptions, Cut, Locator, Order, Origins, Split, TaggedCurve, TriMesh, arrange,
+    ArrangementOptions, Cut, Order, Origins, Split, TaggedCurve, TriMesh, arrange,
 };
 use antumbra_scene::FaceId;
 use bends::VERIFIED;
@@ -102,145 +105,6 @@ pub struct Postponed {
     pub curve: u32,
     /// The largest jump of the derivative across it, per band.
     pub jump: Vec<f64>,
-}
-
-/// How far the mesh of a receiver got. All values that it has are exact, whatever it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Progress {
-    /// As far as it goes.
-    Finished,
-    /// Stopped while it was refined, or before its error was measured a second time.
-    Unfinished,
-    /// Stopped before the mesh of its curves had values: a mesh of its border alone.
-    BorderOnly,
-    /// Stopped before any value was known: there are no elements.
-    Nothing,
-}
-
-/// A receiver's mesh with its values.
-#[derive(Debug)]
-pub struct ReceiverMesh {
-    /// Whose front it is.
-    pub face: FaceId,
-    /// How far it got.
-    pub progress: Progress,
-    /// Its frame.
-    pub chart: Chart,
-    /// Triangles.
-    pub mesh: TriMesh,
-    /// The order of every curve of the mesh, by curve id.
-    pub orders: Vec<Order>,
-    /// Degree of all elements.
-    pub degree: u8,
-    /// Where values are stored; one position may occur several times, once per
-    /// side of a contact.
-    pub nodes: Vec<DVec2>,
-    /// Direct irradiance, `n_bands` values per node.
-    pub direct: Vec<f64>,
-    /// Irradiance with interreflection, `n_bands` values per node; empty if only
-    /// direct light was asked for.
-    pub irradiance: Vec<f64>,
-    /// Nodes of every element, [`n_nodes`] each, in the order of [`lattice`].
-    pub element_nodes: Vec<u32>,
-    /// Measured error of every element, relative to the peak of the worst band.
-    pub element_errors: Vec<f64>,
-    /// Exact evaluations spent: nodes and check points.
-    pub exact_evaluations: u64,
-    /// Elements at the resolution limit whose error is above the tolerance: at
-    /// the ends of contacts, where irradiance has no single value, and elements that are
-    /// a few pixels of the arrangement long or wide.
-    pub unresolved: Vec<u32>,
-    /// Elements whose error is above the tolerance, the unresolved ones among them.
-    pub n_above: usize,
-    /// The area that is in no element or in unresolved ones because the receiver is
-    /// thinner there than a few pixels of its arrangement.
-    pub folded_area: f64,
-    /// Is all of it as thin? Then all elements are unresolved.
-    pub is_thin: bool,
-    n_bands: usize,
-    locator: Locator,
-}
-
-impl ReceiverMesh {
-    /// Number of elements.
-    #[must_use]
-    pub fn n_elements(&self) -> usize {
-        self.mesh.triangles.len()
-    }
-
-    /// The nodes of an element.
-    #[must_use]
-    pub fn nodes_of(&self, element: usize) -> &[u32] {
-        let n = n_nodes(self.degree);
-        &self.element_nodes[element * n..(element + 1) * n]
-    }
-
-    /// The area of unresolved elements, and that which is in no element.
-    #[must_use]
-    pub fn unresolved_area(&self) -> f64 {
-        if self.is_thin {
-            return self.folded_area;
-        }
-        let areas = self.unresolved.iter().map(|&t| self.mesh.area(t));
-        areas.sum::<f64>() + self.folded_area
-    }
-
-    /// The area of the receiver: of all elements, and what is in none.
-    #[must_use]
-    pub fn area(&self) -> f64 {
-        if self.is_thin {
-            return self.folded_area;
-        }
-        self.mesh.total_area() + self.folded_area
-    }
-
-    /// Largest measured error, relative to the peak; unresolved elements apart.
-    #[must_use]
-    pub fn max_error(&self) -> f64 {
-        let resolved =
-            |t: &usize| u32::try_from(*t).is_ok_and(|t| self.unresolved.binary_search(&t).is_err());
-        (0..self.n_elements())
-            .filter(resolved)
-            .map(|t| self.element_errors[t])
-            .fold(0.0, f64::max)
-    }
-
-    /// The element at a chart point, and the barycentric coordinates there.
-    #[must_use]
-    pub fn locate(&self, point: DVec2) -> Option<(usize, [f64; 3])> {
-        self.locator
-            .locate(&self.mesh, point)
-            .map(|(t, at)| (t as usize, at))
-    }
-
-    /// Interpolated direct irradiance per band.
-    #[must_use]
-    pub fn direct_at(&self, element: usize, at: [f64; 3]) -> Vec<f64> {
-        let mut values = self.interpolate(&self.direct, self.n_bands, element, at);
-        // Polynomials overshoot a little where light ends; light does not.
-        values.iter_mut().for_each(|v| *v = v.max(0.0));
-        values
-    }
-
-    /// Interpolates any field on the nodes, `width` values per node.
-    #[must_use]
-    pub fn interpolate(
-        &self,
-        field: &[f64],
-        width: usize,
-        element: usize,
-        at: [f64; 3],
-    ) -> Vec<f64> {
-        let phi = values(self.degree, at);
-        let mut result = vec![0.0f64; width];
-        for (&node, phi) in self.nodes_of(element).iter().zip(phi) {
-            let at = node as usize * width;
-            for (r, v) in result.iter_mut().zip(&field[at..at + width]) {
-                *r += phi * v;
-            }
-        }
-        result
-    }
 }
 
 /// Where the error of an element is measured, in barycentric coordinates: off
@@ -570,7 +434,8 @@ impl Field {
                 order: Order::Boundary,
             })
             .collect();
-        let arrangement = arrange(&curves, &ArrangementOptions::default());
+        let arrangement =
+            arrange(&curves, &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default();
         match TriMesh::new(&arrangement, &curves) {
             Ok(mesh) => self.replace_mesh(mesh),
             // With its curves it could be triangulated, so this does not happen; and if it
@@ -1485,13 +1350,12 @@ impl Field {
                 unresolved.push(t as u32);
             }
         }
+        let triangles = Triangles::new(self.mesh, self.orders, self.folded_area);
         ReceiverMesh {
             face: self.face,
             progress: self.progress,
             chart: self.chart,
-            locator: Locator::new(&self.mesh),
-            mesh: self.mesh,
-            orders: self.orders,
+            elements: Elements::Triangles(triangles),
             degree: self.degree,
             nodes,
             direct,
@@ -1501,7 +1365,6 @@ impl Field {
             exact_evaluations: self.n_evaluations,
             unresolved,
             n_above,
-            folded_area: self.folded_area,
             is_thin: self.is_thin,
             n_bands: self.n_bands,
         }

@@ -5,15 +5,17 @@ pub mod cells;
 mod direct;
 mod factors;
 mod field;
-mod limits;
 mod posterior;
 mod radiosity;
+mod scale;
+mod solution;
 
-pub use direct::{DirectMeshes, DirectOptions, DirectSolution, Ended, Tolerance};
+pub use direct::{DirectMeshes, DirectOptions};
 pub use factors::{FactorOptions, FormFactors, NotClosed, Reciprocity, Repair, form_factors};
-pub use field::{KINK_D1, KINK_D2, Light, Postponed, Progress, Receiver, ReceiverMesh, Sample};
-pub use limits::Limits;
+pub use field::{KINK_D1, KINK_D2, Light, Postponed, Receiver, Sample};
 pub use posterior::{AfterStep, Improvement};
 pub use radiosity::{
-    Gatherer, Power, RadiosityOptions, RadiositySolution, Reached, RowSums, solve_radiosity,
+    Gatherer, Power, Radiosity, RadiosityOptions, Reached, RowSums, solve_radiosity,
 };
+pub use scale::Tolerance;
+pub use solution::{Cells, Elements, Ended, Progress, ReceiverMesh, Solution, Spot, Triangles};

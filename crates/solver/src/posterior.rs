@@ -6,8 +6,7 @@
 use crate::direct::DirectMeshes;
 use crate::field::posterior::Measure;
 use crate::field::{Field, Light};
-use crate::limits::Limits;
-use antumbra_geom::Stop;
+use antumbra_geom::{Control, Stop};
 use rayon::prelude::*;
 
 /// A step after meshing.
@@ -99,10 +98,10 @@ impl DirectMeshes {
         step: AfterStep,
         light: &dyn Light,
         most_elements: usize,
-        limits: &Limits<'_>,
+        control: &Control<'_>,
     ) -> Improvement {
-        let stop = limits.stop;
-        let (scale, allowed) = (self.scale(), self.allowed());
+        let stop = control.stop;
+        let (scale, allowed) = (self.scale.per_band(), self.allowed());
         // Errors before and after are measured at the same kinds of points.
         for field in &mut self.fields {
             field.verify(light, &allowed, stop);
@@ -117,7 +116,7 @@ impl DirectMeshes {
         let more = (wanted as u64) * BYTES_PER_ELEMENT;
         let is_too_much = match step {
             AfterStep::Relocate => false,
-            _ => wanted > most_elements || (wanted > MANY && !(limits.has_room)(more)),
+            _ => wanted > most_elements || (wanted > MANY && !(control.has_room)(more)),
         };
         if is_too_much {
             return Improvement {

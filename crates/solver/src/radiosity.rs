@@ -22,10 +22,11 @@
 //! `docs/references.md`).
 
 use crate::basis::{n_nodes, quadrature};
-use crate::direct::{DirectMeshes, DirectOptions, DirectSolution, Tolerance};
+use crate::direct::{DirectMeshes, DirectOptions};
 use crate::field::{CHECK_POINTS, Field, Light, Receiver};
-use crate::limits::Limits;
-use antumbra_geom::Stop;
+use crate::scale::Tolerance;
+use crate::solution::Solution;
+use antumbra_geom::{Control, Phase, Stop};
 use antumbra_mesh::Locator;
 use antumbra_scene::{FaceId, PlaneId, Scene};
 use antumbra_visibility::{Approach, Evaluator, Scratch, Source, contour_sum};
@@ -110,11 +111,9 @@ impl Reached {
     }
 }
 
-/// Direct light and interreflection.
+/// Interreflection, as it was solved for.
 #[derive(Debug)]
-pub struct RadiositySolution {
-    /// The meshes, with `irradiance` on every node.
-    pub meshes: DirectSolution,
+pub struct Radiosity {
     /// How far it got.
     pub reached: Reached,
     /// Sweeps of the iteration.
@@ -139,7 +138,7 @@ pub struct RadiositySolution {
     layer: Layer,
 }
 
-impl RadiositySolution {
+impl Radiosity {
     /// Indirect irradiance per band at a point of a face: the layer interpolated; nothing
     /// without interreflection.
     #[must_use]
@@ -152,7 +151,8 @@ impl RadiositySolution {
 
     /// Indirect irradiance per band at points of faces, gathered from the layer
     /// with exact visibility instead of interpolated: one bounce more accurate,
-    /// and as dear as a row of the system. Nothing without interreflection.
+    /// and as dear as a row of the system. `None` for points that were not reached when it
+    /// was stopped, and for all without interreflection.
     ///
     /// * `points` — pairs of a receiver's position and a point in scene units.
     ///
@@ -160,25 +160,16 @@ impl RadiositySolution {
     ///
     /// The iterated solution (Sloan 1976), known in rendering as final gathering.
     #[must_use]
-    pub fn gather(&self, evaluator: &Evaluator<'_>, points: &[(usize, DVec3)]) -> Vec<Vec<f64>> {
-        self.gather_until(evaluator, points, Stop::NEVER)
-            .into_iter()
-            .flatten()
-            .collect()
-    }
-
-    /// The same; `None` for points that were not reached when it was stopped, and for all
-    /// without interreflection.
-    #[must_use]
-    pub fn gather_until(
+    pub fn gather(
         &self,
         evaluator: &Evaluator<'_>,
         points: &[(usize, DVec3)],
-        stop: Stop<'_>,
+        control: &Control<'_>,
     ) -> Vec<Option<Vec<f64>>> {
+        let stop = control.stop;
         let points: Vec<_> = points.iter().map(|&(r, p)| (r, p, None)).collect();
         match self.gatherer(evaluator, stop) {
-            Some(gatherer) => gatherer.gather_until(&points, stop),
+            Some(gatherer) => gatherer.gather(&points, stop),
             None => vec![None; points.len()],
         }
     }
@@ -219,7 +210,7 @@ impl Gatherer<'_, '_, '_> {
     /// * `points` — a receiver's position, a point in scene units, and from where the
     ///   limit is taken at borders and contacts.
     #[must_use]
-    pub fn gather_until(
+    pub fn gather(
         &self,
         points: &[(usize, DVec3, Option<Approach>)],
         stop: Stop<'_>,
@@ -242,7 +233,7 @@ impl Gatherer<'_, '_, '_> {
                     first.fill(0.0);
                     let mut gathered = Gathered { row, first };
                     let system = &layer.system;
-                    self.pairs.gather_until(
+                    self.pairs.gather(
                         &system.sources,
                         receiver,
                         point,
@@ -270,7 +261,7 @@ struct Layer {
     indirect: Vec<Vec<f64>>,
     /// The equation, without its rows.
     system: System,
-    solution: Solution,
+    solution: Iterate,
 }
 
 impl Layer {
@@ -318,7 +309,7 @@ const DIRECT_TOLERANCE: f64 = 0.02;
 struct Round {
     fields: Vec<Field>,
     system: System,
-    solution: Solution,
+    solution: Iterate,
     errors: Option<Errors>,
     row_sums: Vec<RowSums>,
 }
@@ -329,29 +320,23 @@ struct Round {
 ///   asks for it.
 /// * `receivers` — the same faces in the same order, cut along contacts only; `None` if
 ///   there is no time for them.
-///
-/// `progress` is told what is done, from 0 to 1.
 pub fn solve_radiosity(
     evaluator: &Evaluator<'_>,
     mut direct: DirectMeshes,
     receivers: Option<Vec<Receiver>>,
     light: &dyn Light,
     options: &RadiosityOptions,
-    limits: &Limits<'_>,
-    progress: &(dyn Fn(f64) + Sync),
-) -> RadiositySolution {
+    control: &Control<'_>,
+) -> (Solution, Radiosity) {
     let solved = match receivers {
-        Some(receivers) => rounds(
-            evaluator, &direct, receivers, light, options, limits, progress,
-        ),
+        Some(receivers) => rounds(evaluator, &direct, receivers, light, options, control),
         None => Err(Reached::Nothing),
     };
     let (round, power, reached) = match solved {
         Ok(solved) => solved,
         Err(reached) => {
             let layer = Layer::default();
-            return RadiositySolution {
-                meshes: direct.finish(),
+            let nothing = Radiosity {
                 reached,
                 iterations: 0,
                 residual: 0.0,
@@ -364,6 +349,7 @@ pub fn solve_radiosity(
                 row_sums: Vec::new(),
                 layer,
             };
+            return (direct.finish(), nothing);
         }
     };
     let Round {
@@ -400,16 +386,15 @@ pub fn solve_radiosity(
         light,
         options.tolerance,
         &layer.solution.peak,
-        limits.stop,
+        control.stop,
     );
-    progress(1.0);
+    (control.progress)(Phase::Radiosity, 1.0);
     let reached = if is_carried && !power.emitted.is_empty() {
         reached
     } else {
         Reached::Unfinished
     };
-    RadiositySolution {
-        meshes: direct.finish_with(Some(totals)),
+    let radiosity = Radiosity {
         reached,
         iterations,
         residual,
@@ -421,7 +406,8 @@ pub fn solve_radiosity(
         power,
         row_sums,
         layer,
-    }
+    };
+    (direct.finish_with(Some(totals)), radiosity)
 }
 
 /// Bytes of a dense matrix, and of what is known of every pair of faces.
@@ -445,15 +431,14 @@ fn rounds(
     receivers: Vec<Receiver>,
     light: &dyn Light,
     options: &RadiosityOptions,
-    limits: &Limits<'_>,
-    progress: &(dyn Fn(f64) + Sync),
+    control: &Control<'_>,
 ) -> Result<(Round, Power, Reached), Reached> {
     let scene = evaluator.scene();
-    let stop = limits.stop;
+    let stop = control.stop;
     let n_faces = receivers.len();
     let check_room = |n_nodes: usize| {
         let needed = bytes_needed(n_nodes, n_faces);
-        if (limits.has_room)(needed) {
+        if (control.has_room)(needed) {
             Ok(())
         } else {
             Err(Reached::NoRoom(needed))
@@ -467,11 +452,11 @@ fn rounds(
         verify: false,
     };
     // A layer of which some receivers have no values is no layer.
-    let without_rest = Limits {
+    let without_rest = Control {
         at_once: stop,
-        ..*limits
+        ..control.quiet()
     };
-    let mut layer = DirectMeshes::solve(receivers, light, &coarse, &without_rest, &|_, _| {});
+    let mut layer = DirectMeshes::solve(receivers, light, &coarse, &without_rest);
     for field in &mut layer.fields {
         field.coarsest(COARSEST, stop);
     }
@@ -486,9 +471,14 @@ fn rounds(
     let mut round = 0;
     let mut last: Option<Round> = None;
     loop {
-        let report = |done: f64| progress((round as f64 + done) / MOST_ROUNDS as f64);
-        let Some(system) = System::assemble(&pairs, &layer.fields, &projected, &report, stop)
-        else {
+        let report = |_, done: f64| {
+            (control.progress)(Phase::Radiosity, (round as f64 + done) / MOST_ROUNDS as f64);
+        };
+        let report = Control {
+            progress: &report,
+            ..*control
+        };
+        let Some(system) = System::assemble(&pairs, &layer.fields, &projected, &report) else {
             break;
         };
         let rough = RadiosityOptions {
@@ -520,7 +510,7 @@ fn rounds(
         let next_nodes = (2 * system.n_nodes).min(options.most_nodes.max(system.n_nodes));
         let more = bytes_needed(next_nodes, 0) - bytes_needed(system.n_nodes, 0);
         let is_last =
-            is_done || round == MOST_ROUNDS || stop.is_wanted() || !(limits.has_room)(more);
+            is_done || round == MOST_ROUNDS || stop.is_wanted() || !(control.has_room)(more);
         if is_last {
             let solution = system.solve(scene, &layer.fields, options, stop);
             let power = system.power(&pairs, scene, &layer.fields, &solution, stop);
@@ -762,7 +752,7 @@ impl<'e, 's> Pairs<'e, 's> {
 
     /// Adds what is seen from a point to `gathered`; returns how many visible parts
     /// were computed. Not all is seen if it was stopped.
-    fn gather_until(
+    fn gather(
         &self,
         sources: &[SourceFace],
         receiver: usize,
@@ -1057,7 +1047,7 @@ struct System {
 
 /// The solution at the nodes.
 #[derive(Debug, Default)]
-struct Solution {
+struct Iterate {
     /// Indirect irradiance, `n_bands` values per node.
     indirect: Vec<f64>,
     /// Largest irradiance per band, direct light included.
@@ -1081,10 +1071,9 @@ impl System {
         pairs: &Pairs<'_, '_>,
         fields: &[Field],
         direct: &DirectLayer<'_>,
-        progress: &(dyn Fn(f64) + Sync),
-        stop: Stop<'_>,
+        control: &Control<'_>,
     ) -> Option<Self> {
-        let scene = pairs.evaluator.scene();
+        let (scene, stop) = (pairs.evaluator.scene(), control.stop);
         let mut first_node = Vec::with_capacity(fields.len());
         let mut n_nodes = 0;
         for field in fields {
@@ -1130,7 +1119,7 @@ impl System {
                     radius: field.contact_radius(),
                 });
                 let point = field.chart.to_space(field.nodes[i]);
-                let n = pairs.gather_until(
+                let n = pairs.gather(
                     &sources,
                     r,
                     point,
@@ -1141,7 +1130,7 @@ impl System {
                 );
                 let done = n_done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
                 if done.is_multiple_of(64) {
-                    progress(done as f64 / n_nodes as f64);
+                    (control.progress)(Phase::Radiosity, done as f64 / n_nodes as f64);
                 }
                 (row, first, n)
             })
@@ -1181,7 +1170,7 @@ impl System {
         fields: &[Field],
         options: &RadiosityOptions,
         stop: Stop<'_>,
-    ) -> Solution {
+    ) -> Iterate {
         let n_bands = scene.n_bands;
         let direct: Vec<f64> = fields
             .iter()
@@ -1240,7 +1229,7 @@ impl System {
                 }
             }
         }
-        Solution {
+        Iterate {
             indirect,
             peak,
             sweeps,
@@ -1255,7 +1244,7 @@ impl System {
         pairs: &Pairs<'_, '_>,
         fields: &[Field],
         scene: &Scene,
-        solution: &Solution,
+        solution: &Iterate,
         stop: Stop<'_>,
     ) -> Option<Errors> {
         let n_bands = scene.n_bands;
@@ -1287,7 +1276,7 @@ impl System {
                             };
                             let at = CHECK_POINTS[0];
                             let point = field.chart.to_space(field.point(t, at));
-                            let n = pairs.gather_until(
+                            let n = pairs.gather(
                                 &self.sources,
                                 r,
                                 point,
@@ -1337,7 +1326,7 @@ impl System {
         &self,
         fields: &[Field],
         scene: &Scene,
-        solution: &Solution,
+        solution: &Iterate,
         gathered: &Gathered<'_>,
         band: usize,
     ) -> f64 {
@@ -1364,7 +1353,7 @@ impl System {
         pairs: &Pairs<'_, '_>,
         scene: &Scene,
         fields: &[Field],
-        solution: &Solution,
+        solution: &Iterate,
         stop: Stop<'_>,
     ) -> Option<Power> {
         let n_bands = scene.n_bands;

@@ -27,7 +27,7 @@ pub use curve::{CriticalCurve, CurveEnd, Shape};
 pub use jump::{JUMP_PLACES, jump_at};
 
 use crate::evaluator::Evaluator;
-use antumbra_geom::Stop;
+use antumbra_geom::Control;
 use antumbra_scene::{EdgeId, FaceId, VertexId};
 use tracer::{Jumps, Tracer};
 
@@ -207,6 +207,9 @@ pub struct CriticalCurves {
 
 /// Enumerates the critical curves of a receiver.
 ///
+/// Nothing if it is stopped: some of the curves are of no use, for the mesh between them
+/// would be taken to be smooth.
+///
 /// * `contact_radius` — gaps smaller than this count as contact; scene units.
 #[must_use]
 pub fn critical_curves(
@@ -214,22 +217,9 @@ pub fn critical_curves(
     receiver: FaceId,
     kinds: EventKinds,
     contact_radius: f64,
-) -> CriticalCurves {
-    // Nothing stops it, so there are always some, or none for good.
-    critical_curves_until(evaluator, receiver, kinds, contact_radius, Stop::NEVER)
-        .unwrap_or_default()
-}
-
-/// The same; nothing if it was stopped: some of the curves are of no use, for the
-/// mesh between them would be taken to be smooth.
-#[must_use]
-pub fn critical_curves_until(
-    evaluator: &Evaluator<'_>,
-    receiver: FaceId,
-    kinds: EventKinds,
-    contact_radius: f64,
-    stop: Stop<'_>,
+    control: &Control<'_>,
 ) -> Option<CriticalCurves> {
+    let stop = control.stop;
     if stop.is_wanted() {
         return None;
     }
@@ -272,8 +262,9 @@ pub fn critical_curves_between(
     occluders: Vec<u32>,
     kinds: EventKinds,
     contact_radius: f64,
-    stop: Stop<'_>,
+    control: &Control<'_>,
 ) -> Option<Vec<CriticalCurve>> {
+    let stop = control.stop;
     let mut tracer = Tracer::new(evaluator, receiver, contact_radius, stop);
     tracer.jumps = Jumps::Unknown;
     tracer.emitter_behind(emitter, occluders, kinds);

@@ -15,7 +15,6 @@ pub use cone::Approach;
 pub use evaluator::{Evaluator, Scratch, Source, View};
 pub use events::{
     CountByKind, CriticalCurve, CriticalCurves, CurveEnd, Discontinuity, Event, EventKind,
-    EventKinds, JUMP_PLACES, Shape, critical_curves, critical_curves_between,
-    critical_curves_until, jump_at,
+    EventKinds, JUMP_PLACES, Shape, critical_curves, critical_curves_between, jump_at,
 };
 pub use lambert::contour_sum;

@@ -1,12 +1,12 @@
 //! Maps of the error on the surface where it is most interesting.
 
-use super::{Reference, Sampled, one_value, value_at, worst_band};
-use crate::mesher::Mesher;
-use crate::values::Place;
+use super::{Reference, one_value, worst_band};
+use crate::options::Mesher;
+use crate::values::{self, Place};
 use antumbra_geom::{Chart, DVec2, Stop, bounding_box, dvec2, point_in_polygon};
 use antumbra_io::study::{ErrorMap, MapGroup, Run, Series, Study};
 use antumbra_scene::{FaceId, Scene};
-use antumbra_solver::Light;
+use antumbra_solver::{Light, Solution};
 use rayon::prelude::*;
 
 /// Where errors are mapped: pixels of one face with their exact values.
@@ -107,13 +107,13 @@ impl Canvas {
     }
 
     /// The error of a mesh, and its edges.
-    pub(crate) fn map(&self, mesh: &dyn Sampled) -> RunMap {
+    pub(crate) fn map(&self, mesh: &Solution) -> RunMap {
         let mut errors = vec![f32::NAN; self.width * self.height];
         let found: Vec<f32> = self
             .inside
             .par_iter()
             .map(|(_, place, exact)| {
-                worst_band(value_at(mesh, place).as_deref(), exact, &self.peak) as f32
+                worst_band(values::on_mesh(mesh, place).as_deref(), exact, &self.peak) as f32
             })
             .collect();
         for ((i, ..), error) in self.inside.iter().zip(found) {
@@ -124,12 +124,12 @@ impl Canvas {
             let q = (p - self.corner) / self.side;
             [q.x as f32, -q.y as f32]
         };
-        mesh.for_each_element(&mut |face, corners, _| {
-            if face != self.face {
-                return;
-            }
-            for k in 0..corners.len() {
-                let [a, b] = [corners[k], corners[(k + 1) % corners.len()]].map(to_pixels);
+        let receivers = mesh.receivers.iter().filter(|r| r.face == self.face);
+        for (receiver, element) in receivers.flat_map(|r| (0..r.n_elements()).map(move |e| (r, e)))
+        {
+            let (corners, n) = receiver.corners(element);
+            for k in 0..n {
+                let [a, b] = [corners[k], corners[(k + 1) % n]].map(to_pixels);
                 // Once: neighbours have it the other way round.
                 if a < b {
                     edges.push([a, b]);
@@ -137,7 +137,7 @@ impl Canvas {
                     edges.push([b, a]);
                 }
             }
-        });
+        }
         edges.sort_by(|a, b| {
             a.as_flattened()
                 .partial_cmp(b.as_flattened())

@@ -1,13 +1,16 @@
 //! What a study runs: the ladders of all generators, estimators, steps after meshing.
 
 use super::{MOST_ELEMENTS, Make, Reference, Runner, StudyOptions, Subject};
-use crate::mesher::{CellOptions, CellSize, Mesher, cell_meshes_for};
-use crate::pipeline::{Control, Error, Events, MOST_STEPS, Options};
-use antumbra_geom::Stop;
+use crate::cell_meshes::cell_meshes_for;
+use crate::options::{
+    CellOptions, CellSize, CurveOptions, Events, Generator, MOST_STEPS, Mesher, Options,
+};
+use crate::outcome::Error;
+use antumbra_geom::Control;
 use antumbra_io::study::{Effectivity, Errors, Series, Step};
 use antumbra_mesh::cells::CellShape;
 use antumbra_scene::Scene;
-use antumbra_solver::cells::{DirectMesh as _, Estimator};
+use antumbra_solver::cells::Estimator;
 use antumbra_solver::{AfterStep, Light, Tolerance};
 use antumbra_visibility::{Evaluator, EventKinds};
 
@@ -49,9 +52,8 @@ fn ladder<'a>(
         Mesher::Discontinuity => tolerances
             .map(|tolerance| {
                 let make: Make<'a> = Box::new(move |control| {
-                    let options = discontinuity(degree, tolerance);
-                    let meshed = subject.discontinuity(&options, control)?;
-                    Ok(Some(Box::new(meshed.direct)))
+                    let options = discontinuity(degree, tolerance, CurveOptions::default());
+                    Ok(Some(subject.mesh(&options, control)?.mesh))
                 });
                 (format!("tolerance {tolerance:e}"), make)
             })
@@ -59,42 +61,34 @@ fn ladder<'a>(
         Mesher::Uniform | Mesher::Graded => (0..)
             .map(|k: i32| (FEWEST as f64 * STEP.powi(k)) as usize)
             .take_while(|n| *n < MOST_ELEMENTS)
-            .map(|n| cell_step(subject, mesher, degree, CellSize::Elements(n)))
+            .map(|n| {
+                let tolerance = Options::default().tolerance;
+                let cells = cells(mesher, CellSize::Elements(n));
+                let name = format!("{n} elements");
+                cell_step(subject, name, cell_options(degree, tolerance, cells))
+            })
             .collect(),
         Mesher::Quadtree | Mesher::Restricted | Mesher::TriQuadtree | Mesher::Adaptive => {
             tolerances
                 .map(|t| {
-                    let size = CellSize::Tolerance(Tolerance::Relative(t));
-                    cell_step(subject, mesher, degree, size)
+                    let tolerance = Tolerance::Relative(t);
+                    let cells = cells(mesher, CellSize::Tolerance);
+                    let name = format!("tolerance {t:e}");
+                    cell_step(subject, name, cell_options(degree, tolerance, cells))
                 })
                 .collect()
         }
     }
 }
 
-fn cell_step<'a>(
-    subject: &'a Subject<'a>,
-    mesher: Mesher,
-    degree: u8,
-    size: CellSize,
-) -> (String, Make<'a>) {
-    let setting = match size {
-        CellSize::Tolerance(Tolerance::Relative(t) | Tolerance::Absolute(t)) => {
-            format!("tolerance {t:e}")
-        }
-        CellSize::Elements(n) => format!("{n} elements"),
-        CellSize::Length(l) => format!("elements of {l}"),
-    };
-    let options = cells(mesher, degree, size);
-    let make: Make<'a> =
-        Box::new(move |control| Ok(Some(Box::new(subject.cells(&options, control)?))));
-    (setting, make)
+fn cell_step<'a>(subject: &'a Subject<'a>, name: String, options: Options) -> (String, Make<'a>) {
+    let make: Make<'a> = Box::new(move |control| Ok(Some(subject.mesh(&options, control)?.mesh)));
+    (name, make)
 }
 
-fn cells(mesher: Mesher, degree: u8, size: CellSize) -> CellOptions {
+fn cells(mesher: Mesher, size: CellSize) -> CellOptions {
     CellOptions {
         mesher,
-        degree: Some(degree),
         size,
         // As it was published; the quadtrees follow the measured error, which is the best
         // that can be done for them.
@@ -102,15 +96,24 @@ fn cells(mesher: Mesher, degree: u8, size: CellSize) -> CellOptions {
             Mesher::Adaptive => Estimator::Neighbours,
             _ => Estimator::Measured,
         },
-        most_elements: MOST_ELEMENTS,
         ..CellOptions::default()
     }
 }
 
-fn discontinuity(degree: u8, tolerance: f64) -> Options {
+fn cell_options(degree: u8, tolerance: Tolerance, cells: CellOptions) -> Options {
+    Options {
+        tolerance,
+        degree: Some(degree),
+        most_elements: MOST_ELEMENTS,
+        ..Options::with_cells(cells)
+    }
+}
+
+fn discontinuity(degree: u8, tolerance: f64, curves: CurveOptions) -> Options {
     Options {
         tolerance: Tolerance::Relative(tolerance),
         degree: Some(degree),
+        generator: Generator::Curves(curves),
         most_elements: MOST_ELEMENTS,
         ..Options::default()
     }
@@ -128,22 +131,21 @@ pub(crate) fn halvings(
 ) -> Result<Vec<(usize, Errors)>, Error> {
     let mut found = Vec::new();
     for k in 0..=MOST_STEPS {
-        let options = Options {
+        let curves = CurveOptions {
             events: Events::Kinds(EventKinds::ALL),
             after: std::array::from_fn(|i| (i < k).then_some(AfterStep::Halve)),
-            ..discontinuity(degree, COARSE)
         };
-        let meshed = subject.discontinuity(&options, control)?;
-        if (control.should_stop)() {
+        let options = discontinuity(degree, COARSE, curves);
+        let mesh = subject.mesh(&options, control)?.mesh;
+        if control.stop.is_wanted() {
             break;
         }
-        let direct = meshed.direct;
-        let n = direct.n_elements();
+        let n = mesh.n_elements();
         // Where irradiance has no value, halving does not lower the error, and is taken back.
         if found.last().is_some_and(|&(before, _)| n < 3 * before) {
             break;
         }
-        let Some(errors) = reference.summary_of(&direct, Stop::new(control.should_stop)) else {
+        let Some(errors) = reference.summary_of(&mesh, control.stop) else {
             break;
         };
         found.push((n, errors));
@@ -183,16 +185,17 @@ pub(crate) fn effectivities(
     evaluator: &Evaluator<'_>,
     control: &Control<'_>,
 ) -> Result<Vec<Effectivity>, Error> {
-    let stop = Stop::new(control.should_stop);
+    let stop = control.stop;
     let mut rows = Vec::new();
     for (mesher, shape, degree) in ESTIMATED {
-        if (control.should_stop)() {
+        if stop.is_wanted() {
             return Ok(rows);
         }
-        let options = CellOptions {
+        let cells = CellOptions {
             shape,
-            ..cells(mesher, degree, CellSize::Elements(ESTIMATED_ELEMENTS))
+            ..cells(mesher, CellSize::Elements(ESTIMATED_ELEMENTS))
         };
+        let options = cell_options(degree, Options::default().tolerance, cells);
         let label = format!(
             "{mesher} {}, degree {degree}",
             match shape {
@@ -203,7 +206,7 @@ pub(crate) fn effectivities(
         );
         for estimator in Estimator::ALL {
             // Each on a mesh of its own, for points that are known cost nothing.
-            let (mut meshes, _) = cell_meshes_for(evaluator, driver, &options, control)?;
+            let (mut meshes, _) = cell_meshes_for(evaluator, driver, &options, &cells, control)?;
             let Some(truth) = meshes.true_errors(TRUE_POINTS, driver, stop) else {
                 break;
             };
@@ -315,7 +318,7 @@ pub(crate) fn steps(
     reference: &Reference,
     control: &Control<'_>,
 ) -> Result<Vec<Step>, Error> {
-    let stop = Stop::new(control.should_stop);
+    let stop = control.stop;
     let mut rows = Vec::new();
     let contacts = Events::Kinds(EventKinds::NONE);
     for (events, name) in [
@@ -323,25 +326,26 @@ pub(crate) fn steps(
         (contacts, "contacts and refinement alone"),
     ] {
         for tolerance in STEPPED {
-            let plain = Options {
+            let mut curves = CurveOptions {
                 events,
-                ..discontinuity(2, tolerance)
+                ..CurveOptions::default()
             };
-            let before = subject.discontinuity(&plain, control)?.direct;
+            let options = discontinuity(2, tolerance, curves);
+            let before = subject.mesh(&options, control)?.mesh;
             let Some(errors) = reference.summary_of(&before, stop) else {
                 return Ok(rows);
             };
             for step in [AfterStep::Relocate, AfterStep::Split, AfterStep::Elevate] {
-                if (control.should_stop)() {
+                if stop.is_wanted() {
                     return Ok(rows);
                 }
-                let mut options = plain;
-                options.after[0] = Some(step);
-                let meshed = subject.discontinuity(&options, control)?;
-                if (control.should_stop)() {
+                curves.after[0] = Some(step);
+                let options = discontinuity(2, tolerance, curves);
+                let meshed = subject.mesh(&options, control)?;
+                if stop.is_wanted() {
                     return Ok(rows);
                 }
-                let after = &meshed.direct;
+                let after = &meshed.mesh;
                 let Some(errors_after) = reference.summary_of(after, stop) else {
                     return Ok(rows);
                 };

@@ -2,7 +2,7 @@
 
 use crate::arrange::{ArrangementOptions, Order, TaggedCurve, arrange};
 use crate::trimesh::{MeshError, ascending, shape_quality};
-use antumbra_geom::{cdt, distance_to_segment};
+use antumbra_geom::{Control, cdt, distance_to_segment};
 use glam::DVec2;
 
 /// Triangles worse than this are mended by new points: angles of about 25 degrees.
@@ -39,7 +39,8 @@ impl Border {
                 }
             })
             .collect();
-        let arrangement = arrange(&curves, &ArrangementOptions::default());
+        let arrangement =
+            arrange(&curves, &ArrangementOptions::default(), &Control::NEVER).unwrap_or_default();
         let edges: Vec<[u32; 2]> = arrangement
             .edges
             .iter()

@@ -3,6 +3,7 @@
 
 use crate::basis::quadrature;
 use crate::factors::cells::area;
+use antumbra_geom::Stop;
 use glam::DVec2;
 use rayon::prelude::*;
 use std::cmp::Ordering;
@@ -145,7 +146,7 @@ pub(crate) struct Goal<'a> {
     /// No more points than this, but for the first of every triangle.
     pub(crate) most_evaluations: u64,
     /// Asked now and then: end with what there is?
-    pub(crate) should_stop: &'a (dyn Fn() -> bool + Sync),
+    pub(crate) stop: Stop<'a>,
 }
 
 /// Integrates over triangles.
@@ -167,7 +168,7 @@ pub(crate) fn integrate<I: Integrand>(
 ) -> Integral {
     // What is seen has to be known of all of its parts.
     let look = |triangle: &([DVec2; 3], &I::Context), of: Refined, memory: &mut I::Memory| {
-        if (goal.should_stop)() {
+        if goal.stop.is_wanted() {
             return Looked::Stopped;
         }
         let (corners, context) = *triangle;
@@ -397,7 +398,7 @@ mod tests {
         let goal = Goal {
             error,
             most_evaluations: 1_000_000,
-            should_stop: &|| false,
+            stop: Stop::NEVER,
         };
         integrate(&Rule::new(), &[TRIANGLE], &(), &Hidden(f), &mut (), &goal)
     }

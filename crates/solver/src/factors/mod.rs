@@ -16,10 +16,10 @@ mod pair;
 
 pub use matrix::{FormFactors, NotClosed, Reciprocity, Repair};
 
-use antumbra_geom::Stop;
+use antumbra_geom::{Control, Phase};
 use antumbra_scene::{FaceId, Scene, Surface};
 use antumbra_visibility::{
-    CriticalCurve, Evaluator, EventKind, EventKinds, Scratch, critical_curves_until,
+    CriticalCurve, Evaluator, EventKind, EventKinds, Scratch, critical_curves,
 };
 use cubature::{Goal, Rule};
 use pair::{CONTACT, Exchange, Pair, Work};
@@ -63,9 +63,6 @@ const CHEAP: u64 = 20_000;
 /// pairs is computed from the other side as well, by independent integrals, to measure
 /// the reciprocity ([`FormFactors::reciprocity`]). Nothing is normalised.
 ///
-/// * `should_stop` — asked now and then: end with what there is?
-/// * `progress` — told how much is done, 0 to 1.
-///
 /// The result does not depend on the number of threads, to the bit, unless it was
 /// stopped.
 ///
@@ -78,10 +75,9 @@ const CHEAP: u64 = 20_000;
 pub fn form_factors(
     evaluator: &Evaluator<'_>,
     options: &FactorOptions,
-    should_stop: &(dyn Fn() -> bool + Sync),
-    progress: &(dyn Fn(f64) + Sync),
+    control: &Control<'_>,
 ) -> FormFactors {
-    let scene = evaluator.scene();
+    let (scene, stop) = (evaluator.scene(), control.stop);
     let n = scene.faces.len() as u32;
     let rule = Rule::new();
     let contacts: Vec<Vec<CriticalCurve>> = (0..n)
@@ -90,12 +86,12 @@ pub fn form_factors(
             let kinds = EventKinds::NONE.with(EventKind::Contact);
             let radius = CONTACT * scene.extent;
             // Where they are missing, no pair is computed either.
-            critical_curves_until(
+            critical_curves(
                 evaluator,
                 FaceId(face),
                 kinds,
                 radius,
-                Stop::new(should_stop),
+                &Control::stopping(stop),
             )
             .unwrap_or_default()
             .curves
@@ -108,7 +104,7 @@ pub fn form_factors(
         if !may_exchange(scene, a, b) {
             return Outcome::Nothing;
         }
-        if should_stop() {
+        if stop.is_wanted() {
             return Outcome::LeftOut(b);
         }
         let Some(pair) = Pair::new(evaluator, a, b) else {
@@ -120,7 +116,7 @@ pub fn form_factors(
         let goal = Goal {
             error: options.tolerance * smaller / (faces_s * faces_t),
             most_evaluations: options.most_evaluations,
-            should_stop,
+            stop,
         };
         let mut work = Work {
             evaluator,
@@ -143,7 +139,7 @@ pub fn form_factors(
         Outcome::Done(Entry::new(a, b, there, back.flatten()))
     };
     let row = |a: u32| -> Row {
-        if should_stop() {
+        if stop.is_wanted() {
             return Row::left_out(scene, FaceId(a));
         }
         let pairs = (a + 1..n).into_par_iter().with_max_len(16);
@@ -151,7 +147,7 @@ pub fn form_factors(
             let outcome = one(FaceId(a), FaceId(b), scratch);
             let done = n_done.fetch_add(1, Ordering::Relaxed);
             if matches!(outcome, Outcome::Done(_)) {
-                progress(done as f64 / n_pairs as f64);
+                (control.progress)(Phase::Factors, done as f64 / n_pairs as f64);
             }
             outcome
         });

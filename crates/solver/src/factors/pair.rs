@@ -4,7 +4,7 @@ use crate::factors::apart::{Polygon, integral_apart};
 use crate::factors::cells::{self, Cell, clip};
 use crate::factors::contour::contour_integral;
 use crate::factors::cubature::{Estimate, Goal, Integral, Integrand, Rule, integrate};
-use antumbra_geom::{Chart, Stop};
+use antumbra_geom::{Chart, Control, Stop};
 use antumbra_scene::{FaceId, PlaneId, Scene};
 use antumbra_visibility::{
     CriticalCurve, Evaluator, Event, EventKinds, Scratch, Source, contour_sum,
@@ -191,7 +191,7 @@ impl Pair {
         goal: &Goal<'_>,
     ) -> Option<Exchange> {
         let (from, to) = (&self.sides[over], &self.sides[1 - over]);
-        let stop = Stop::new(goal.should_stop);
+        let stop = goal.stop;
         let accuracy = EXACT * from.area.min(to.area);
         let mut best = contour_integral(&from.loops, &to.loops, accuracy, stop)?;
         if best.error > accuracy.max(NEGLIGIBLE * goal.error) {
@@ -239,7 +239,7 @@ impl Pair {
             .map(|corners| corners.iter().map(|&x| chart.to_chart(x)).collect())
             .collect();
         let tolerance = THINNEST * from.area.sqrt();
-        let stop = Stop::new(goal.should_stop);
+        let stop = goal.stop;
         for segment in self.lines(from, to, work, stop)? {
             if cells.len() >= MOST_CELLS || stop.is_wanted() {
                 break;
@@ -295,7 +295,7 @@ impl Pair {
             self.occluders.clone(),
             EventKinds::ALL,
             CONTACT * scene.extent,
-            stop,
+            &Control::stopping(stop),
         )?;
         let length = |curve: &CriticalCurve| {
             let [a, b] = curve.shape.ends();

@@ -1,0 +1,62 @@
+//! What errors are measured against.
+
+/// The error that is allowed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tolerance {
+    /// Relative to the largest irradiance of the scene, per band.
+    Relative(f64),
+    /// In the scene's units.
+    Absolute(f64),
+}
+
+/// The largest irradiance found so far, per band.
+#[derive(Clone, Debug)]
+pub(crate) struct Scale {
+    /// In the scene's units.
+    pub(crate) peak: Vec<f64>,
+    /// What may be rounding of all values.
+    rounding: f64,
+}
+
+impl Scale {
+    /// Nothing was found yet.
+    pub(crate) fn new(n_bands: usize) -> Self {
+        Self {
+            peak: vec![0.0; n_bands],
+            rounding: 0.0,
+        }
+    }
+
+    /// Takes the peaks of all receivers in, and the rounding of their light.
+    pub(crate) fn gather<'a>(&mut self, peaks: impl Iterator<Item = &'a [f64]>, rounding: f64) {
+        self.rounding = rounding;
+        for of_receiver in peaks {
+            for (band, value) in self.peak.iter_mut().zip(of_receiver) {
+                *band = f64::max(*band, *value);
+            }
+        }
+    }
+
+    /// What errors in each band are relative to: the peak, but no less than a thousand
+    /// times what may be rounding. In a scene where all light is rounding, what leaks
+    /// into a box by 1e-16 is nothing to be resolved.
+    pub(crate) fn per_band(&self) -> Vec<f64> {
+        let least = 1e3 * self.rounding;
+        self.peak
+            .iter()
+            .map(|&p| if p > 0.0 { p.max(least) } else { 0.0 })
+            .collect()
+    }
+
+    /// The error allowed in each band, in the scene's units.
+    pub(crate) fn allowed(&self, tolerance: Tolerance) -> Vec<f64> {
+        let mut allowed = self.per_band();
+        for band in &mut allowed {
+            *band = match tolerance {
+                Tolerance::Relative(t) => t * *band,
+                Tolerance::Absolute(t) => t,
+            };
+        }
+        allowed
+    }
+}
