@@ -179,13 +179,14 @@ fn one_by_one(evaluator: &Evaluator<'_>, place: &Place, scratch: &mut Scratch) -
     evaluator.emitters().map(of_face).collect()
 }
 
-/// How far the factor of an emitter may be from that of one evaluation: what touches the
-/// point is seen half a contact radius behind it there, and in the limit by the map.
+/// How far the factor of an emitter may be from that of one evaluation: there, the point
+/// settles on what touches it and may hide this emitter, within the radius, and what touches
+/// it is seen half a radius behind; the map settles on all at once and takes the limit.
 fn allowed(scene: &Scene, emitter: FaceId, place: &Place) -> f64 {
     let plane = scene.planes[scene.face(emitter).plane.index()];
     let radius = place.approach.map_or(0.0, |a| a.radius);
     let touches = plane.distance(place.point).abs() <= radius;
-    1e-13 + if touches { 1e3 * radius } else { 0.0 }
+    1e-13 + radius * if touches { 1e3 } else { 2.0 }
 }
 
 /// Laws of the map at some places: parts and sky are 1, and emitters have their factors.
