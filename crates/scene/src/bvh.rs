@@ -89,6 +89,15 @@ struct Node {
     n_items: u32,
 }
 
+/// Contents of a node of a [`BoxTree`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Below<'t> {
+    /// Two nodes.
+    Nodes([u32; 2]),
+    /// The items of a leaf.
+    Items(&'t [u32]),
+}
+
 /// A hierarchy of boxes over numbered items.
 #[derive(Clone, Debug, Default)]
 pub struct BoxTree {
@@ -128,6 +137,29 @@ impl BoxTree {
                 stack[depth + 1] = node.first;
                 depth += 2;
             }
+        }
+    }
+
+    /// The node that holds all others; `None` if the tree is empty.
+    #[must_use]
+    pub fn root(&self) -> Option<u32> {
+        (!self.nodes.is_empty()).then_some(0)
+    }
+
+    /// The box of a node.
+    #[must_use]
+    pub fn bounds(&self, node: u32) -> &Aabb {
+        &self.nodes[node as usize].bounds
+    }
+
+    /// Nodes or items directly below a node: for walks in an order of their own.
+    #[must_use]
+    pub fn below(&self, node: u32) -> Below<'_> {
+        let Node { first, n_items, .. } = self.nodes[node as usize];
+        if n_items > 0 {
+            Below::Items(&self.items[first as usize..(first + n_items) as usize])
+        } else {
+            Below::Nodes([first, first + 1])
         }
     }
 

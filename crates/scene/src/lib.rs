@@ -18,7 +18,7 @@ mod weld_input;
 
 pub use antumbra_geom::Plane;
 pub use build::Built;
-pub use bvh::{Aabb, BoxTree};
+pub use bvh::{Aabb, Below, BoxTree};
 pub use input::{LengthUnit, MaterialInput, Quantity, SceneInput, SurfaceInput};
 pub use open_rooms::OpenRoom;
 pub use problem::{Problem, Severity};

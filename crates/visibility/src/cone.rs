@@ -133,7 +133,7 @@ pub(crate) fn l1(v: DVec3) -> f64 {
 ///
 /// Whether the point touches the edge is decided by the edge alone: of two polygons that
 /// share it, one may touch the point and the other not.
-fn edge_plane(a: DVec3, b: DVec3, point: DVec3, approach: Option<&Approach>) -> DVec3 {
+pub(crate) fn edge_plane(a: DVec3, b: DVec3, point: DVec3, approach: Option<&Approach>) -> DVec3 {
     if (a.x, a.y, a.z) > (b.x, b.y, b.z) {
         return -edge_plane(b, a, point, approach);
     }

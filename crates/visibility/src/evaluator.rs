@@ -12,9 +12,11 @@ use crate::events::adjacency::Adjacency;
 use crate::events::shaft::supporting_plane;
 use crate::fragments::{Fragment, Fragments, HalfSpace, Position};
 use crate::lambert::contour_sum;
+use crate::visibility_map::Screens;
 use antumbra_geom::{Plane, settled};
 use antumbra_scene::{Aabb, FaceId, PlaneId, Scene};
 use glam::DVec3;
+use std::sync::OnceLock;
 
 /// A convex occluder with its corners in flat storage.
 #[derive(Clone, Copy, Debug)]
@@ -167,6 +169,7 @@ pub struct Evaluator<'s> {
     corners: Vec<DVec3>,
     emitters: Vec<Emitter>,
     adjacency: Adjacency,
+    screens: OnceLock<Screens>,
 }
 
 impl<'s> Evaluator<'s> {
@@ -215,6 +218,7 @@ impl<'s> Evaluator<'s> {
             corners,
             emitters,
             adjacency: Adjacency::new(scene),
+            screens: OnceLock::new(),
         }
     }
 
@@ -227,6 +231,11 @@ impl<'s> Evaluator<'s> {
     /// What meets where.
     pub(crate) fn adjacency(&self) -> &Adjacency {
         &self.adjacency
+    }
+
+    /// What visibility maps are made of; joined when it is first asked for.
+    pub(crate) fn screens(&self) -> &Screens {
+        self.screens.get_or_init(|| Screens::new(self.scene))
     }
 
     /// The emitting faces, ascending: the order of all factors.
@@ -754,19 +763,8 @@ impl<'s> Evaluator<'s> {
         point: DVec3,
         approach: &Approach,
     ) -> DVec3 {
-        let is_off = |normal: DVec3, corners: &[DVec3]| {
-            let height = normal.dot(corners[0] - point);
-            let across = normal - up * up.dot(normal);
-            height != 0.0
-                && height.abs() <= approach.radius
-                && normal.dot(approach.toward).abs() > 1e-6
-                && across.length_squared() >= 1e-6
-                && (0..corners.len()).all(|i| {
-                    let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
-                    let along = b - a;
-                    normal.cross(along).dot(point - a) >= -approach.radius * along.length()
-                })
-        };
+        let is_off =
+            |normal: DVec3, corners: &[DVec3]| is_beside((normal, corners), (point, up), approach);
         let of_source = (source.normal, source.corners);
         let of_occluders = list
             .iter()
@@ -1139,7 +1137,7 @@ fn middle_plane(corners: &[DVec3]) -> Option<HalfSpace> {
 /// Larger, and it may lie behind something that does not touch the point. Smaller, and its
 /// direction is no longer told from that of a plane: what is within the tolerance of a
 /// half-space is on it (at 1e-3 that was 1e-3 rad).
-const BEHIND: f64 = 0.5;
+pub(crate) const BEHIND: f64 = 0.5;
 
 /// The audit of an evaluation, in debug builds: visible and hidden parts must add
 /// up to the whole.
@@ -1181,6 +1179,27 @@ impl Hidden {
             self.sum
         );
     }
+}
+
+/// Does a polygon touch the point but for a little, which the point may move?
+///
+/// * `up` — the unit normal at the point.
+pub(crate) fn is_beside(
+    (normal, corners): (DVec3, &[DVec3]),
+    (point, up): (DVec3, DVec3),
+    approach: &Approach,
+) -> bool {
+    let height = normal.dot(corners[0] - point);
+    let across = normal - up * up.dot(normal);
+    height != 0.0
+        && height.abs() <= approach.radius
+        && normal.dot(approach.toward).abs() > 1e-6
+        && across.length_squared() >= 1e-6
+        && (0..corners.len()).all(|i| {
+            let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
+            let along = b - a;
+            normal.cross(along).dot(point - a) >= -approach.radius * along.length()
+        })
 }
 
 /// What lies in the source's or in the receiver's own plane hides nothing.

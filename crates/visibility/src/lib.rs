@@ -2,7 +2,8 @@
 //!
 //! [`Evaluator`] answers how much of every emitter a point sees, in closed form,
 //! whatever stands between: no sampling anywhere. [`critical_curves`] enumerates
-//! the events whose curves bound shadows on a receiver.
+//! the events whose curves bound shadows on a receiver. [`Evaluator::visible_faces`] gives
+//! all that a point sees at once.
 
 mod cone;
 mod evaluator;
@@ -10,6 +11,7 @@ mod events;
 mod fragments;
 mod intervals;
 mod lambert;
+mod visibility_map;
 
 pub use cone::Approach;
 pub use evaluator::{Evaluator, Scratch, Source, View};
@@ -18,3 +20,4 @@ pub use events::{
     EventKinds, JUMP_PLACES, Shape, critical_curves, critical_curves_between, jump_at,
 };
 pub use lambert::contour_sum;
+pub use visibility_map::{MapScratch, MapTotals, Place, VisiblePart};
