@@ -5,7 +5,7 @@ use antumbra::scene::{FaceId, Piece};
 use antumbra::visibility::{
     Approach, MapScratch, MapTotals, Place, Shape, Source, contour_sum, critical_curves,
 };
-use antumbra::{Evaluator, EventKind, EventKinds, Scene, Scratch};
+use antumbra::{Control, Evaluator, EventKind, EventKinds, Scene, Scratch};
 use antumbra_tests::cases::{fixture, fixtures, json_files};
 use antumbra_tests::random::SplitMix;
 use glam::DVec3;
@@ -113,7 +113,8 @@ fn places_at_contacts(evaluator: &Evaluator<'_>, random: &mut SplitMix, n: usize
     let only = EventKinds::NONE.with(EventKind::Contact);
     for face in scene.face_ids().take(40) {
         let radius = contact_radius(scene, face);
-        let curves = critical_curves(evaluator, face, only, radius);
+        let curves = critical_curves(evaluator, face, only, radius, &Control::NEVER)
+            .expect("nothing stops it");
         for curve in curves.curves.iter().take(6) {
             let Shape::Segment(ends) = curve.shape else {
                 continue;
