@@ -55,9 +55,10 @@ pub(crate) fn mesh_on(
 ) -> Result<Outcome, Error> {
     match options.generator {
         Generator::Curves(_) => {
-            let grown = grow(evaluator, light, driver, options, Quantity::Direct, control)?;
-            let mesh = grown.meshes.finish();
-            Ok(grown.rest.with(mesh))
+            let mut ground = Ground::new(evaluator, light, options, Quantity::Direct, control)?;
+            let receivers = std::mem::take(&mut ground.receivers);
+            let (meshes, improvements) = ground.grow(receivers, driver, options, control);
+            Ok(ground.outcome(meshes, improvements, DirectMeshes::finish))
         }
         Generator::Cells(cells) => {
             let (meshes, limit) = cell_meshes_for(evaluator, driver, options, &cells, control)?;
@@ -89,25 +90,9 @@ pub fn solve(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<
     let evaluator = Evaluator::new(scene);
     let light = ExactLight::new(&evaluator, control);
     match options.generator {
-        Generator::Curves(_) => {
-            let (outcome, radiosity) = solve_curves(&evaluator, &light, options, control)?;
-            Ok(Outcome {
-                radiosity: Some(radiosity),
-                ..outcome
-            })
-        }
+        Generator::Curves(_) => solve_curves(&evaluator, &light, options, control),
         Generator::Cells(cells) => solve_cells(&evaluator, &light, options, &cells, control),
     }
-}
-
-/// Interreflection alone, with what is prepared already.
-pub(crate) fn radiosity_on(
-    evaluator: &Evaluator<'_>,
-    light: &ExactLight<'_, '_>,
-    options: &Options,
-    control: &Control<'_>,
-) -> Result<Radiosity, Error> {
-    Ok(solve_curves(evaluator, light, options, control)?.1)
 }
 
 /// Along the shadow boundaries.
@@ -116,40 +101,95 @@ fn solve_curves(
     light: &ExactLight<'_, '_>,
     options: &Options,
     control: &Control<'_>,
-) -> Result<(Outcome, Radiosity), Error> {
-    let grown = grow(evaluator, light, light, options, Quantity::Total, control)?;
+) -> Result<Outcome, Error> {
+    let mut ground = Ground::new(evaluator, light, options, Quantity::Total, control)?;
+    let direct_light = ground.receivers.clone();
+    let (direct, _) = ground.grow(direct_light, light, options, control);
+    let is_wanted = ground.plan.simulates("interreflection");
+    let radiosity = radiosity_on(evaluator, &direct, options, is_wanted, control)?;
+    if !radiosity.reached.has_values() {
+        ground.plan = ground.plan.without_interreflection();
+        let outcome = ground.outcome(direct, Vec::new(), DirectMeshes::finish);
+        return Ok(outcome.with(radiosity));
+    }
+    if !is_wanted {
+        let nothing = |_, _| None;
+        let finish = |meshes: DirectMeshes| meshes.finish_with_indirect(&nothing);
+        return Ok(ground.outcome(direct, Vec::new(), finish).with(radiosity));
+    }
+    let total = TotalLight {
+        evaluator,
+        direct: light,
+        radiosity: &radiosity,
+    };
+    let mut receivers = std::mem::take(&mut ground.receivers);
+    for receiver in &mut receivers {
+        // Shadows of reflected light are not among them.
+        receiver.knows_all_curves = false;
+    }
+    let (meshes, improvements) = ground.grow(receivers, &total, options, control);
+    let is_cut_short = |p| matches!(p, Progress::BorderOnly | Progress::Nothing);
+    let outcome = if meshes.progress().any(is_cut_short) {
+        // The meshes of direct light are better than none, with indirect light as coarse
+        // as it is known.
+        let indirect = |receiver, uv| radiosity.interpolated(receiver, uv);
+        let finish = |meshes: DirectMeshes| meshes.finish_with_indirect(&indirect);
+        let mut outcome = ground.outcome(direct, Vec::new(), finish);
+        outcome.mesh.ended = Ended::Stopped;
+        outcome
+    } else {
+        let finish = |meshes: DirectMeshes| meshes.finish_total(light, &direct, control.stop);
+        ground.outcome(meshes, improvements, finish)
+    };
+    Ok(outcome.with(radiosity))
+}
+
+/// Interreflection alone, from the meshes of direct light.
+///
+/// * `is_wanted` — is more than direct light reflected once to be told? The power balance
+///   is, whatever it says.
+pub(crate) fn radiosity_on(
+    evaluator: &Evaluator<'_>,
+    direct: &DirectMeshes,
+    options: &Options,
+    is_wanted: bool,
+    control: &Control<'_>,
+) -> Result<Radiosity, Error> {
     (control.progress)(Phase::Radiosity, 0.0);
     // Interreflection of a coarse mesh would be that of another scene.
-    let receivers = match grown.meshes.ended() {
+    let receivers = match direct.ended() {
         Ended::Stopped => None,
         _ => contact_receivers(evaluator, control.stop)?,
     };
-    let mut radiosity_options = RadiosityOptions {
+    let Some(receivers) = receivers else {
+        return Ok(Radiosity::nothing());
+    };
+    let mut radiosity = RadiosityOptions {
         tolerance: match options.tolerance {
             Tolerance::Relative(t) => t,
-            Tolerance::Absolute(_) => options.radiosity.tolerance,
+            Tolerance::Absolute(t) => t / direct.largest().max(f64::MIN_POSITIVE),
         },
         ..options.radiosity
     };
-    let plan = grown.rest.plan;
-    if !plan.simulates("interreflection") {
-        radiosity_options.most_sweeps = 0;
+    if !is_wanted {
+        radiosity.most_sweeps = 0;
     }
-    let (mesh, radiosity) = solve_radiosity(
-        evaluator,
-        grown.meshes,
-        receivers,
-        light,
-        &radiosity_options,
-        control,
-    );
-    let plan = if radiosity.reached.has_values() {
-        plan
-    } else {
-        plan.without_interreflection()
-    };
-    let rest = Rest { plan, ..grown.rest };
-    Ok((rest.with(mesh), radiosity))
+    Ok(solve_radiosity(
+        evaluator, &receivers, direct, &radiosity, control,
+    ))
+}
+
+/// Direct light along the shadow boundaries, and interreflection from it.
+pub(crate) fn patches(
+    evaluator: &Evaluator<'_>,
+    light: &ExactLight<'_, '_>,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Radiosity, Error> {
+    let mut ground = Ground::new(evaluator, light, options, Quantity::Total, control)?;
+    let receivers = std::mem::take(&mut ground.receivers);
+    let (direct, _) = ground.grow(receivers, light, options, control);
+    radiosity_on(evaluator, &direct, options, true, control)
 }
 
 fn solve_cells(
@@ -159,7 +199,7 @@ fn solve_cells(
     cells: &CellOptions,
     control: &Control<'_>,
 ) -> Result<Outcome, Error> {
-    let patches = Options {
+    let of_patches = Options {
         tolerance: match options.kept_tolerance() {
             Some(tolerance) => tolerance,
             None => Options::default().tolerance,
@@ -167,12 +207,14 @@ fn solve_cells(
         radiosity: options.radiosity,
         ..Options::default()
     };
-    let patches = radiosity_on(evaluator, light, &patches, control)?;
+    let radiosity = patches(evaluator, light, &of_patches, control)?;
+    let is_solved = radiosity.reached.has_values();
     let total = TotalLight {
+        evaluator,
         direct: light,
-        gatherer: patches.gatherer(evaluator, control.stop),
+        radiosity: &radiosity,
     };
-    let is_total = cells.mesher == Mesher::Adaptive && total.gatherer.is_some();
+    let is_total = cells.mesher == Mesher::Adaptive && is_solved;
     let driver: &dyn Light = if is_total { &total } else { light };
     let (meshes, limit) = cell_meshes_for(evaluator, driver, options, cells, control)?;
     let other = if is_total {
@@ -180,17 +222,16 @@ fn solve_cells(
     } else {
         Other::Total(&total)
     };
-    let mesh = if total.gatherer.is_some() {
+    let mesh = if is_solved {
         meshes.finish_solved(other, control.stop)
     } else {
         meshes.finish()
     };
-    drop(total);
-    Ok(Outcome {
+    let outcome = Outcome {
         limit,
-        radiosity: Some(patches),
         ..Outcome::of_cells(mesh)
-    })
+    };
+    Ok(outcome.with(radiosity))
 }
 
 /// The form factors between all surfaces of a scene, to a tolerance.
@@ -220,112 +261,121 @@ pub fn factors(scene: &Scene, options: &FactorOptions, control: &Control<'_>) ->
     form_factors(&Evaluator::new(scene), options, control)
 }
 
-/// Meshes along the shadow boundaries that may still grow.
-struct Grown {
-    meshes: DirectMeshes,
-    rest: Rest,
-}
-
-/// What comes with them.
-struct Rest {
+/// What meshes along the shadow boundaries grow from.
+struct Ground {
+    receivers: Vec<Receiver>,
     curves: Vec<ReceiverCurves>,
     events: EventCounts,
     plan: Plan,
-    improvements: Vec<Improvement>,
+    /// Is there no room for more? Then nothing grows any more.
+    is_full: bool,
 }
 
-impl Rest {
-    fn with(self, mesh: Solution) -> Outcome {
+impl Ground {
+    fn new(
+        evaluator: &Evaluator<'_>,
+        light: &ExactLight<'_, '_>,
+        options: &Options,
+        quantity: Quantity,
+        control: &Control<'_>,
+    ) -> Result<Self, Error> {
+        let mut scout = Scout::new(evaluator, light, options, control);
+        let plan = Plan::new(evaluator.scene(), options, quantity, &scout);
+        let is_full = AtomicBool::new(scout.is_full);
+        let should_stop = || is_full.load(Ordering::Relaxed) || control.stop.is_wanted();
+        let has_room = |bytes| {
+            let has_room = (control.has_room)(bytes);
+            is_full.fetch_or(!has_room, Ordering::Relaxed);
+            has_room
+        };
+        let preparation = Control {
+            stop: Stop::new(&should_stop),
+            has_room: &has_room,
+            ..*control
+        };
+        if preparation.stop.is_wanted() {
+            // No mesh will have them any more: their memory is needed for what comes.
+            scout.forget_curves();
+        }
+        let events = EventCounts {
+            candidates: plan.candidates,
+            active: plan.curves,
+            ..EventCounts::default()
+        };
+        (control.progress)(Phase::Arrangement, 0.0);
+        let knows_all_curves = options.curves().events.kinds() == EventKinds::ALL;
+        let allowed = scout.allowed;
+        let prepared: Vec<Prepared> = scout
+            .receivers
+            .into_par_iter()
+            .map(|r| prepare(evaluator, r, knows_all_curves, allowed, &preparation))
+            .collect::<Result<_, _>>()?;
+        let (receivers, curves) = prepared.into_iter().map(|p| (p.receiver, p.curves)).unzip();
+        Ok(Self {
+            receivers,
+            curves,
+            events,
+            plan,
+            is_full: is_full.into_inner(),
+        })
+    }
+
+    /// Grows meshes of a light.
+    fn grow(
+        &self,
+        receivers: Vec<Receiver>,
+        driver: &dyn Light,
+        options: &Options,
+        control: &Control<'_>,
+    ) -> (DirectMeshes, Vec<Improvement>) {
+        let should_stop = || self.is_full || control.stop.is_wanted();
+        let control = &Control {
+            stop: Stop::new(&should_stop),
+            ..*control
+        };
+        (control.progress)(Phase::Irradiance, 0.0);
+        let direct_options = DirectOptions {
+            tolerance: options.tolerance,
+            degree: options.chosen_degree(),
+            most_elements: options.most_elements,
+            verify: true,
+        };
+        let mut meshes = DirectMeshes::solve(receivers, driver, &direct_options, control);
+        let steps = options.curves().after.into_iter().flatten();
+        let improvements = match meshes.ended() {
+            // There is no time to try.
+            Ended::Stopped => Vec::new(),
+            _ => steps
+                .map(|step| meshes.improve(step, driver, options.most_elements, control))
+                .collect(),
+        };
+        (meshes, improvements)
+    }
+
+    /// What is told of the meshes that grew.
+    fn outcome(
+        mut self,
+        meshes: DirectMeshes,
+        improvements: Vec<Improvement>,
+        finish: impl FnOnce(DirectMeshes) -> Solution,
+    ) -> Outcome {
+        for (progress, curves) in meshes.progress().zip(&mut self.curves) {
+            if matches!(progress, Progress::BorderOnly | Progress::Nothing) {
+                curves.critical = Vec::new();
+            }
+        }
+        for (mesh, curves) in meshes.meshes().zip(&self.curves) {
+            count_inserted(mesh, curves, &mut self.events.inserted);
+        }
+        let is_stopped = meshes.ended() == Ended::Stopped;
         Outcome {
-            mesh,
+            plan: Some(self.plan.carried_out(&self.events.inserted, is_stopped)),
+            mesh: finish(meshes),
             radiosity: None,
             curves: self.curves,
             events: self.events,
-            plan: Some(self.plan),
             limit: None,
-            improvements: self.improvements,
+            improvements,
         }
     }
-}
-
-fn grow(
-    evaluator: &Evaluator<'_>,
-    light: &ExactLight<'_, '_>,
-    driver: &dyn Light,
-    options: &Options,
-    quantity: Quantity,
-    control: &Control<'_>,
-) -> Result<Grown, Error> {
-    let scene = evaluator.scene();
-    let along = options.curves();
-    let mut scout = Scout::new(evaluator, light, options, control);
-    let plan = Plan::new(scene, options, quantity, &scout);
-    let is_full = AtomicBool::new(scout.is_full);
-    let should_stop = || is_full.load(Ordering::Relaxed) || control.stop.is_wanted();
-    let control = &Control {
-        stop: Stop::new(&should_stop),
-        ..*control
-    };
-    let has_room = |bytes| {
-        let has_room = (control.has_room)(bytes);
-        is_full.fetch_or(!has_room, Ordering::Relaxed);
-        has_room
-    };
-    let preparation = Control {
-        has_room: &has_room,
-        ..*control
-    };
-    if control.stop.is_wanted() {
-        // No mesh will have them any more: their memory is needed for what comes.
-        scout.forget_curves();
-    }
-    let mut events = EventCounts {
-        candidates: plan.candidates,
-        active: plan.curves,
-        ..EventCounts::default()
-    };
-    (control.progress)(Phase::Arrangement, 0.0);
-    let knows_all_curves = along.events.kinds() == EventKinds::ALL;
-    let allowed = scout.allowed;
-    let prepared: Vec<Prepared> = scout
-        .receivers
-        .into_par_iter()
-        .map(|r| prepare(evaluator, r, knows_all_curves, allowed, &preparation))
-        .collect::<Result<_, _>>()?;
-    let (receivers, mut curves): (Vec<Receiver>, Vec<ReceiverCurves>) =
-        prepared.into_iter().map(|p| (p.receiver, p.curves)).unzip();
-    (control.progress)(Phase::Irradiance, 0.0);
-    let direct_options = DirectOptions {
-        tolerance: options.tolerance,
-        degree: options.chosen_degree(),
-        most_elements: options.most_elements,
-        verify: true,
-    };
-    let mut meshes = DirectMeshes::solve(receivers, driver, &direct_options, control);
-    let improvements = match meshes.ended() {
-        // There is no time to try.
-        Ended::Stopped => Vec::new(),
-        _ => along
-            .after
-            .into_iter()
-            .flatten()
-            .map(|step| meshes.improve(step, driver, options.most_elements, control))
-            .collect(),
-    };
-    for (progress, curves) in meshes.progress().zip(&mut curves) {
-        if matches!(progress, Progress::BorderOnly | Progress::Nothing) {
-            curves.critical = Vec::new();
-        }
-    }
-    for (mesh, curves) in meshes.meshes().zip(&curves) {
-        count_inserted(mesh, curves, &mut events.inserted);
-    }
-    let plan = plan.carried_out(&events.inserted, meshes.ended() == Ended::Stopped);
-    let rest = Rest {
-        curves,
-        events,
-        plan,
-        improvements,
-    };
-    Ok(Grown { meshes, rest })
 }

@@ -7,8 +7,9 @@
 use crate::field::{Field, Light, Receiver, confirm};
 use crate::scale::{Scale, Tolerance};
 use crate::solution::{Ended, Progress, ReceiverMesh, Solution};
+use antumbra_geom::DVec2;
 use antumbra_geom::{Control, Phase, Stop};
-use antumbra_mesh::TriMesh;
+use antumbra_mesh::{Locator, TriMesh};
 use rayon::prelude::*;
 
 /// How to mesh direct light.
@@ -233,6 +234,12 @@ impl DirectMeshes {
         self.scale.allowed(self.tolerance)
     }
 
+    /// Largest irradiance so far, in any band.
+    #[must_use]
+    pub fn largest(&self) -> f64 {
+        self.scale.peak.iter().copied().fold(0.0, f64::max)
+    }
+
     /// How far every receiver got.
     pub fn progress(&self) -> impl Iterator<Item = Progress> {
         self.fields.iter().map(|f| f.progress)
@@ -258,6 +265,65 @@ impl DirectMeshes {
     #[must_use]
     pub fn n_elements(&self) -> usize {
         self.fields.iter().map(|f| f.mesh.triangles.len()).sum()
+    }
+
+    /// Prepared to be asked for values between the nodes.
+    pub(crate) fn sampler(&self) -> Sampler<'_> {
+        Sampler {
+            meshes: self,
+            locators: self
+                .fields
+                .par_iter()
+                .map(|f| Locator::new(&f.mesh))
+                .collect(),
+        }
+    }
+
+    /// Packs meshes of total irradiance, with direct light at the same nodes.
+    ///
+    /// * `light` — direct light; if it is stopped, `coarse` tells of it.
+    /// * `coarse` — meshes of direct light alone.
+    #[must_use]
+    pub fn finish_total(self, light: &dyn Light, coarse: &Self, stop: Stop<'_>) -> Solution {
+        let sampler = coarse.sampler();
+        let totals: Vec<Vec<f64>>;
+        let mut meshes = self;
+        let direct: Vec<Vec<f64>> = meshes
+            .fields
+            .par_iter()
+            .enumerate()
+            .map(|(r, field)| {
+                let exact = field.at_nodes(light, stop);
+                exact.unwrap_or_else(|| {
+                    let nodes = field.nodes.iter();
+                    nodes.flat_map(|&uv| sampler.at(r, uv)).collect()
+                })
+            })
+            .collect();
+        totals = meshes
+            .fields
+            .iter_mut()
+            .zip(direct)
+            .map(|(field, direct)| std::mem::replace(&mut field.direct, direct))
+            .collect();
+        meshes.finish_with(Some(totals))
+    }
+
+    /// Packs meshes of direct light with indirect irradiance that is known elsewhere.
+    ///
+    /// * `indirect` — per band, at a place of a receiver.
+    #[must_use]
+    pub fn finish_with_indirect(
+        self,
+        indirect: &(dyn Fn(usize, DVec2) -> Option<Vec<f64>> + Sync),
+    ) -> Solution {
+        let totals = self
+            .fields
+            .par_iter()
+            .enumerate()
+            .map(|(r, field)| field.with_indirect(|uv| indirect(r, uv)))
+            .collect();
+        self.finish_with(Some(totals))
     }
 
     /// Packs the meshes and sums up what was measured.
@@ -288,5 +354,35 @@ impl DirectMeshes {
     #[must_use]
     pub fn finish(self) -> Solution {
         self.finish_with(None)
+    }
+}
+
+/// Values of meshes between their nodes.
+pub(crate) struct Sampler<'a> {
+    meshes: &'a DirectMeshes,
+    locators: Vec<Locator>,
+}
+
+impl Sampler<'_> {
+    /// Largest irradiance per band.
+    pub(crate) fn peak(&self) -> &[f64] {
+        &self.meshes.scale.peak
+    }
+
+    /// Does no light fall on a receiver?
+    pub(crate) fn is_dark(&self, receiver: usize) -> bool {
+        self.meshes.fields[receiver].is_dark
+    }
+
+    /// Interpolated irradiance per band; 0 outside of the mesh.
+    pub(crate) fn at(&self, receiver: usize, uv: DVec2) -> Vec<f64> {
+        let field = &self.meshes.fields[receiver];
+        let found = self.locators[receiver].locate(&field.mesh, uv);
+        let value = |band| match found {
+            // Polynomials overshoot a little where light ends; light does not.
+            Some((t, at)) => field.value(&field.direct, t as usize, at, band).max(0.0),
+            None => 0.0,
+        };
+        (0..field.n_bands).map(value).collect()
     }
 }

@@ -58,7 +58,7 @@ pub trait Light: Sync {
 }
 
 /// A receiver with its triangulated arrangement, before any value is known.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Receiver {
     /// Whose front it is.
     pub face: FaceId,
@@ -500,6 +500,43 @@ impl Field {
     /// Was the error of all elements measured at the second points?
     pub(crate) fn is_verified(&self) -> bool {
         self.is_dark || self.is_verified.iter().all(|&v| v)
+    }
+
+    /// Values of another light at all nodes; nothing if it was stopped.
+    pub(crate) fn at_nodes(&self, light: &dyn Light, stop: Stop<'_>) -> Option<Vec<f64>> {
+        if !light.reaches(self.face) {
+            return Some(vec![0.0; self.nodes.len() * self.n_bands]);
+        }
+        let places = self.nodes.iter().zip(&self.toward);
+        let samples: Vec<Sample> = places
+            .map(|(&uv, &toward)| Sample {
+                point: self.chart.to_space(uv),
+                toward,
+            })
+            .collect();
+        light.irradiance(self.face, &samples, self.contact_radius, stop)
+    }
+
+    /// Direct light at the nodes and what is known elsewhere of indirect light.
+    pub(crate) fn with_indirect(&self, indirect: impl Fn(DVec2) -> Option<Vec<f64>>) -> Vec<f64> {
+        let mut total = self.direct.clone();
+        let mut is_done = vec![false; self.nodes.len()];
+        for (t, nodes) in self.element_nodes.iter().enumerate() {
+            let middle = self.point(t, [1.0 / 3.0; 3]);
+            for &node in &nodes[..n_nodes(self.degree)] {
+                let node = node as usize;
+                if !std::mem::replace(&mut is_done[node], true) {
+                    // A hair inside the element: on its side of a contact.
+                    let uv = self.nodes[node];
+                    let values = indirect(uv + (middle - uv) * 1e-6).unwrap_or_default();
+                    let first = node * self.n_bands;
+                    for (total, value) in total[first..].iter_mut().zip(values) {
+                        *total += value;
+                    }
+                }
+            }
+        }
+        total
     }
 
     /// Evaluates nodes and check points of all elements that are new. Returns whether
