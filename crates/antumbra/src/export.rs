@@ -66,11 +66,12 @@ fn surface(scene: &Scene, mesh: &ReceiverMesh, curves: &ReceiverCurves) -> Surfa
         curves: curve_table(scene, mesh.face, &curves.critical),
         ..bare_surface(scene, mesh.face, &mesh.chart, &mesh.nodes, values)
     };
+    let n_curves = (curves.n_border + curves.critical.len()) as u32;
     match &mesh.elements {
         Elements::Triangles(triangles) => SurfaceMesh {
             elements: mesh.element_nodes.clone(),
             element_errors: mesh.element_errors.clone(),
-            curve_edges: curve_edges(mesh, &triangles.mesh),
+            curve_edges: curve_edges(mesh, &triangles.mesh, n_curves),
             ..bare
         },
         Elements::Cells(cells) => {
@@ -186,7 +187,7 @@ fn bare_surface(
 }
 
 /// Mesh edges on curves, by the corner nodes of the first element that has them.
-fn curve_edges(mesh: &ReceiverMesh, triangles: &TriMesh) -> Vec<CurveEdge> {
+fn curve_edges(mesh: &ReceiverMesh, triangles: &TriMesh, n_curves: u32) -> Vec<CurveEdge> {
     let mut edges = Vec::new();
     for (t, triangle) in triangles.triangles.iter().enumerate() {
         let nodes = mesh.nodes_of(t);
@@ -200,10 +201,14 @@ fn curve_edges(mesh: &ReceiverMesh, triangles: &TriMesh) -> Vec<CurveEdge> {
             {
                 continue;
             }
-            if let Some(set) = triangles.edge_curves(a, b) {
+            let set = triangles.edge_curves(a, b);
+            let all = set.map_or(&[][..], |set| triangles.sets().get(set));
+            // Lines for the sake of reflected light are no critical curves.
+            let curves: Vec<u32> = all.iter().copied().filter(|&c| c < n_curves).collect();
+            if !curves.is_empty() {
                 edges.push(CurveEdge {
                     ends: [nodes[k], nodes[next]],
-                    curves: triangles.sets().get(set).to_vec(),
+                    curves,
                 });
             }
         }

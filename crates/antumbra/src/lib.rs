@@ -44,6 +44,7 @@ mod plan;
 mod receiver;
 pub mod reduce;
 mod scout;
+mod strips;
 mod study;
 mod surroundings;
 mod thin;

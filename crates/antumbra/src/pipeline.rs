@@ -124,8 +124,7 @@ fn solve_curves(
     };
     let mut receivers = std::mem::take(&mut ground.receivers);
     for receiver in &mut receivers {
-        // Shadows of reflected light are not among them.
-        receiver.knows_all_curves = false;
+        receiver.has_indirect_light = true;
     }
     let (meshes, improvements) = ground.grow(receivers, &total, options, control);
     let is_cut_short = |p| matches!(p, Progress::BorderOnly | Progress::Nothing);
@@ -281,6 +280,9 @@ impl Ground {
     ) -> Result<Self, Error> {
         let mut scout = Scout::new(evaluator, light, options, control);
         let plan = Plan::new(evaluator.scene(), options, quantity, &scout);
+        if quantity == Quantity::Total && plan.simulates("interreflection") {
+            scout.add_strips(evaluator, control.stop);
+        }
         let is_full = AtomicBool::new(scout.is_full);
         let should_stop = || is_full.load(Ordering::Relaxed) || control.stop.is_wanted();
         let has_room = |bytes| {

@@ -85,6 +85,13 @@ pub(crate) fn prepare(
             curves.push(TaggedCurve { points, order });
         }
     }
+    for ends in scouted.strips {
+        orders.push(Order::D2);
+        curves.push(TaggedCurve {
+            points: ends.to_vec(),
+            order: Order::D2,
+        });
+    }
     let mut thin = Thin::of(scene, face);
     let arrangement = match thin.is_all {
         true => None,
@@ -127,6 +134,7 @@ pub(crate) fn prepare(
         contact_radius: contact_radius(scene, face),
         touched: touched_points(scene, face, &chart),
         postponed,
+        has_indirect_light: false,
         knows_all_curves: knows_all_curves && !scouted.is_stopped && !thin.is_all,
     };
     Ok(Prepared {
@@ -207,6 +215,7 @@ pub(crate) fn contact_receivers(
                     elements: 0.0,
                 },
                 smooth_elements: 0.0,
+                strips: Vec::new(),
                 is_stopped: false,
             };
             let control = Control::stopping(stop);

@@ -3,8 +3,9 @@
 use crate::demand::{Candidate, Choice, worth_a_line};
 use crate::light::ExactLight;
 use crate::options::{Events, Options};
+use crate::strips::strips;
 use crate::surroundings::contact_radius;
-use antumbra_geom::{Control, Phase, Stop};
+use antumbra_geom::{Control, DVec2, Phase, Stop};
 use antumbra_scene::{Aabb, FaceId, Scene};
 use antumbra_solver::Tolerance;
 use antumbra_visibility::{
@@ -39,6 +40,8 @@ pub(crate) struct ScoutedReceiver {
     pub(crate) choice: Choice,
     /// About how many elements light without shadows calls for.
     pub(crate) smooth_elements: f64,
+    /// Lines that are in the mesh for the sake of reflected light.
+    pub(crate) strips: Vec<[DVec2; 2]>,
     /// Was the work stopped before its curves were known? Then it has none.
     pub(crate) is_stopped: bool,
 }
@@ -50,6 +53,7 @@ impl ScoutedReceiver {
             curves: CriticalCurves::default(),
             choice: Choice::default(),
             smooth_elements: 0.0,
+            strips: Vec::new(),
             is_stopped: true,
         }
     }
@@ -101,6 +105,7 @@ impl<'l> Scout<'l> {
                     curves,
                     choice,
                     smooth_elements: smooth_elements(evaluator, light, face),
+                    strips: Vec::new(),
                     is_stopped: false,
                 })
             })
@@ -125,6 +130,14 @@ impl<'l> Scout<'l> {
             }
         }
         n
+    }
+
+    /// Adds lines where reflected light bends.
+    pub(crate) fn add_strips(&mut self, evaluator: &Evaluator<'_>, stop: Stop<'_>) {
+        self.receivers.par_iter_mut().for_each(|receiver| {
+            let radius = contact_radius(evaluator.scene(), receiver.face);
+            receiver.strips = strips(evaluator, receiver.face, radius, stop);
+        });
     }
 
     /// Leaves the receivers without curves.

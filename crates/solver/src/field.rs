@@ -85,6 +85,9 @@ pub struct Receiver {
     /// Are all curves across which light bends in the mesh or postponed? Then
     /// elements without curves hide nothing, and fewer check points do.
     pub knows_all_curves: bool,
+    /// Is its light reflected, too? That bends beside borders and contacts, more steeply
+    /// than the points inside of elements tell.
+    pub has_indirect_light: bool,
     /// Places under emitters so near that their light falls on little more than
     /// themselves: the error is measured there too, whatever the elements' size.
     pub hot_spots: Vec<DVec2>,
@@ -116,6 +119,13 @@ pub(crate) const CHECK_POINTS: [[f64; 3]; 3] =
 /// tolerance: an element that hides a kink from the first points rarely hides it
 /// from these.
 const SECOND_POINTS: [[f64; 3]; 2] = [[0.42, 0.50, 0.08], [0.50, 0.08, 0.42]];
+
+/// Points at 2 % of an element's height beside each of its edges.
+const BESIDE: [(usize, [f64; 3]); 3] = [
+    (1, [0.02, 0.37, 0.61]),
+    (2, [0.61, 0.02, 0.37]),
+    (0, [0.37, 0.61, 0.02]),
+];
 
 /// Edges longer than this fraction of their receiver are checked at both ends: over
 /// them irradiance is not yet like a polynomial of the next degree.
@@ -246,6 +256,7 @@ pub(crate) struct Field {
     /// The postponed curves that run through each element.
     crossing: Vec<Vec<u32>>,
     knows_all_curves: bool,
+    has_indirect_light: bool,
     pub(crate) degree: u8,
     pub(crate) n_bands: usize,
     pub(crate) is_dark: bool,
@@ -353,6 +364,7 @@ impl Field {
             is_thin: receiver.is_thin,
             crossing,
             knows_all_curves: receiver.knows_all_curves,
+            has_indirect_light: receiver.has_indirect_light,
             is_dark: !light.reaches(receiver.face),
             face: receiver.face,
             chart: receiver.chart,
@@ -645,6 +657,7 @@ impl Field {
         if !self.knows_all_curves {
             let mut points = SmallVec::from_slice(&SECOND_POINTS);
             points.extend(spots);
+            points.extend(self.points_beside(t));
             return points;
         }
         let mut points = SmallVec::from_slice(INNER_POINTS[usize::from(self.degree) - 1]);
@@ -653,7 +666,22 @@ impl Field {
             points.extend(SECOND_POINTS);
         }
         points.extend(self.bent_places(t, VERIFIED, allowed));
+        points.extend(self.points_beside(t));
         points
+    }
+
+    /// With reflected light, points close beside the border and curves of an element.
+    fn points_beside(&self, t: usize) -> SmallVec<[[f64; 3]; 3]> {
+        let triangle = self.mesh.triangles[t];
+        let is_curve = |k: usize| {
+            let ends = [triangle[k], triangle[(k + 1) % 3]];
+            self.mesh.edge_curves(ends[0], ends[1]).is_some()
+        };
+        let beside = BESIDE.into_iter();
+        beside
+            .filter(|&(k, _)| self.has_indirect_light && is_curve(k))
+            .map(|(_, at)| at)
+            .collect()
     }
 
     /// Measures the error of every element once more, at other points. Returns whether

@@ -286,7 +286,7 @@ impl Work<'_, '_, '_> {
     fn allowed(&self, e: u32) -> f64 {
         let extent = self.evaluator.scene().extent;
         let size = self.forest.elements[e as usize].longest / extent;
-        COARSE * self.options.tolerance * (SMALL / size).max(1.0)
+        env("COARSE",COARSE) * self.options.tolerance * (env("SMALL",SMALL) / size).max(1.0)
     }
 
     /// Receiving elements that are to be divided.
@@ -392,9 +392,9 @@ impl Radiosity {
         let gathering = Gathering {
             evaluator,
             forest: &self.forest,
-            allowed: GATHERED * self.tolerance,
+            allowed: env("GATHERED",GATHERED) * self.tolerance,
             demands: Demands {
-                link: GATHERED * LINK * self.tolerance,
+                link: env("GATHERED",GATHERED) * LINK * self.tolerance,
                 divide: f64::INFINITY,
             },
         };
@@ -412,3 +412,5 @@ impl Radiosity {
 
 /// What is gathered may err by this share of the tolerance in its links and cut-off.
 const GATHERED: f64 = 0.3;
+
+fn env(n:&str,d:f64)->f64{ std::env::var(n).ok().and_then(|v|v.parse().ok()).unwrap_or(d)}
