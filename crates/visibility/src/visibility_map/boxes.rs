@@ -33,6 +33,38 @@ impl Block {
     }
 }
 
+/// A ray from a point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ray {
+    origin: DVec3,
+    /// One over each component of the direction.
+    inverse: DVec3,
+    /// Boxes count as wider by this on all sides; scene units.
+    margin: f64,
+}
+
+impl Ray {
+    pub(super) fn new(origin: DVec3, direction: DVec3, margin: f64) -> Self {
+        // Parallel to a side, a ray meets it farther away than anything is; not nowhere,
+        // which is not a number where the origin is in that side.
+        let least = |x: f64| x.abs().max(1e-200).copysign(x);
+        Self {
+            origin,
+            inverse: direction.map(least).recip(),
+            margin,
+        }
+    }
+
+    /// Does it meet a box before it is this many directions long?
+    pub(super) fn meets(&self, block: &Block, longest: f64) -> bool {
+        let half = block.half + self.margin;
+        let a = (block.middle - half - self.origin) * self.inverse;
+        let b = (block.middle + half - self.origin) * self.inverse;
+        let enters = a.min(b).max_element().max(0.0);
+        enters <= a.max(b).min_element().min(longest)
+    }
+}
+
 /// A node of a [`Blocks`] tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BlockNode {
@@ -81,6 +113,11 @@ impl Blocks {
         blocks
     }
 
+    /// The items of a leaf.
+    pub(super) fn items_of(&self, leaf: &BlockNode) -> &[u32] {
+        &self.items[leaf.first as usize..(leaf.first + leaf.n_items) as usize]
+    }
+
     /// Calls `found` with every item whose box may meet what `is_candidate` says of boxes.
     pub(super) fn visit(
         &self,
@@ -95,12 +132,10 @@ impl Blocks {
             if !is_candidate(&node.block) {
                 continue;
             }
-            let first = node.first as usize;
             if node.n_items == 0 {
                 stack.extend([node.first, node.first + 1]);
             } else {
-                let items = &self.items[first..first + node.n_items as usize];
-                items.iter().for_each(|&item| found(item));
+                self.items_of(node).iter().for_each(|&item| found(item));
             }
         }
     }
@@ -111,5 +146,29 @@ impl Blocks {
             first: 0,
             n_items: 0,
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_meet_boxes_in_front_of_them_only_and_touch_their_sides() {
+        let block = Block {
+            middle: DVec3::new(2.0, 0.0, 0.0),
+            half: DVec3::splat(0.5),
+        };
+        let meets = |origin: DVec3, direction: DVec3, longest: f64| {
+            Ray::new(origin, direction, 1e-12).meets(&block, longest)
+        };
+        assert!(meets(DVec3::ZERO, DVec3::X, f64::INFINITY));
+        assert!(!meets(DVec3::ZERO, -DVec3::X, f64::INFINITY));
+        assert!(!meets(DVec3::ZERO, DVec3::X, 1.4));
+        assert!(meets(DVec3::ZERO, DVec3::X * 2.0, 0.8));
+        // Along a side, from a point in its plane; and beside it.
+        assert!(meets(DVec3::Y * 0.5, DVec3::X, f64::INFINITY));
+        assert!(!meets(DVec3::Y * 0.6, DVec3::X, f64::INFINITY));
+        assert!(meets(block.middle, DVec3::Z, 0.0));
     }
 }

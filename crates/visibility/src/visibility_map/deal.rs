@@ -1,5 +1,6 @@
 //! What a screen hides is dealt out to the faces that lie in it.
 
+use super::boxes::{Block, Ray};
 use super::cones::{Cone, Margins};
 use super::cover::{Inside, Peeler};
 use super::screens::{Screens, Share};
@@ -47,11 +48,19 @@ impl Dealer {
         if let [only] = shares {
             return self.give(place, (seen, cone), only, is_ended, visit);
         }
-        self.find(screens, seen, cone, shares.len());
+        let middle = cone.middle();
+        let ray = Ray::new(place.point, middle, 64.0 * rounding);
+        let is_met = |block: &Block| {
+            if is_ended {
+                ray.meets(block, f64::INFINITY)
+            } else {
+                cone.sides.iter().all(|side| side.is_reached_by(block))
+            }
+        };
+        self.find(screens, seen, is_met, shares.len());
         let found = std::mem::take(&mut self.found);
         let (&last, others) = found.split_last().expect("the last is always among them");
         let sum = if is_ended {
-            let middle = cone.middle();
             let mut others = others.iter().map(|&i| &shares[i as usize]);
             let share = others.find(|share| {
                 let at = self.look(screens, (place, rounding), seen, share);
@@ -84,19 +93,21 @@ impl Dealer {
         sum
     }
 
-    /// Finds the shares that may reach into a cone, in their order.
-    fn find(&mut self, screens: &Screens, seen: &Seen, cone: &Cone, n_shares: usize) {
+    /// Finds the shares whose boxes are met, in their order; one at least.
+    fn find(
+        &mut self,
+        screens: &Screens,
+        seen: &Seen,
+        is_met: impl Fn(&Block) -> bool,
+        n_shares: usize,
+    ) {
         self.found.clear();
         let Some(tree) = screens.tree_of_shares(seen.screen, seen.shows_front) else {
             self.found.extend(0..n_shares as u32);
             return;
         };
         let found = &mut self.found;
-        tree.visit(
-            &mut self.stack,
-            |block| cone.sides.iter().all(|side| side.is_reached_by(block)),
-            |share| found.push(share),
-        );
+        tree.visit(&mut self.stack, is_met, |share| found.push(share));
         found.sort_unstable();
         if found.is_empty() {
             found.push(n_shares as u32 - 1);

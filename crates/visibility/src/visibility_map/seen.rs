@@ -129,6 +129,15 @@ impl Sights {
 }
 
 impl Seen {
+    /// How many times a direction leads to the plane: not at all if the point touches it.
+    pub(super) fn depth(&self, direction: DVec3) -> f64 {
+        if self.touches {
+            0.0
+        } else {
+            self.height / self.normal.dot(direction)
+        }
+    }
+
     /// Where a direction meets the plane, relative to the point; no farther away than the
     /// polygon is. If the plane touches the point, just behind it.
     pub(super) fn foot(&self, direction: DVec3, place: &Place) -> DVec3 {

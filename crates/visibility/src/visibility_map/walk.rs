@@ -1,6 +1,6 @@
 //! The walk front to back: cones, and what may still reach into them.
 
-use super::boxes::Block;
+use super::boxes::{Block, Ray};
 use super::cones::{Cone, Margins, Side};
 use super::cover::{Inside, Peeler, opposite};
 use super::deal::Dealer;
@@ -11,6 +11,9 @@ use super::{MapTotals, Place, VisiblePart};
 use crate::evaluator::Evaluator;
 use crate::lambert::contour_sum;
 use glam::DVec3;
+
+/// What lies this much farther away than what is hit is not asked for.
+const BEYOND: f64 = 1.0 + 1e-9;
 
 /// Working memory of visibility maps, for one thread.
 #[derive(Debug, Default)]
@@ -216,8 +219,7 @@ impl<V: FnMut(VisiblePart<'_>)> Walk<'_, V> {
                 self.insert(What::Node(child), &hierarchy.nodes[child as usize].block);
             }
         } else {
-            let first = node.first as usize;
-            for &screen in &hierarchy.items[first..first + node.n_items as usize] {
+            for &screen in hierarchy.items_of(node) {
                 self.insert(What::Screen(screen), &screens.blocks[screen as usize]);
             }
         }
@@ -326,16 +328,42 @@ impl<V: FnMut(VisiblePart<'_>)> Walk<'_, V> {
 
     /// What is seen in the middle of the cone, and lies in front of its cover.
     fn look_through_middle(&mut self, mut cover: Option<u32>) -> Option<u32> {
+        let (screens, point) = (self.screens, self.place.point);
         let middle = self.scratch.cone.middle();
+        let ray = Ray::new(point, middle, self.margins.slack);
+        let depth = |seen: Option<Seen>| seen.map_or(f64::INFINITY, |s| s.depth(middle) * BEYOND);
+        let mut longest = depth(cover.map(|cover| self.seen(cover)));
         while let Some(item) = self.scratch.list.pop() {
             match item.what {
-                What::Node(node) => self.open(node, cover),
+                What::Node(node) => {
+                    let node = &screens.hierarchy.nodes[node as usize];
+                    self.totals.n_boxes += 1;
+                    if !ray.meets(&node.block, longest) {
+                        continue;
+                    }
+                    let items = |what: fn(u32) -> What| {
+                        move |id: u32| Item {
+                            distance_sq: 0.0,
+                            what: what(id),
+                        }
+                    };
+                    if node.n_items == 0 {
+                        let children = [node.first + 1, node.first].map(items(What::Node));
+                        self.scratch.list.extend(children);
+                    } else {
+                        let leaf = screens.hierarchy.items_of(node).iter().copied();
+                        self.scratch.list.extend(leaf.map(items(What::Screen)));
+                    }
+                }
                 What::Screen(screen) => {
-                    if let Some(at) = self.look(screen)
+                    self.totals.n_boxes += 1;
+                    if ray.meets(&screens.blocks[screen as usize], longest)
+                        && let Some(at) = self.look(screen)
                         && !self.is_hidden(at, screen, cover)
                         && self.is_hit(at, middle, cover)
                     {
                         cover = Some(at);
+                        longest = depth(Some(self.seen(at)));
                     }
                 }
             }
