@@ -4,9 +4,9 @@
 //! three unit vectors at right angles span, so no length falls below 1/√3 and none needs
 //! to be made 1 again. Every edge knows the plane through the point that it lies in.
 
+use super::boxes::Block;
 use crate::cone::l1;
 use crate::fragments::{HalfSpace, Position};
-use antumbra_scene::Aabb;
 use glam::DVec3;
 
 /// How far from a side what is outside may still be inside.
@@ -28,6 +28,8 @@ pub(super) struct Side {
     pub(super) margin: f64,
     /// The same for places in space.
     least: f64,
+    /// Absolute values of the normal.
+    width: DVec3,
 }
 
 impl Side {
@@ -38,13 +40,14 @@ impl Side {
             normal: half.normal,
             margin,
             least: half.normal.dot(point) - margin,
+            width: half.normal.abs(),
         }
     }
 
     /// May a part of the box be inside?
     #[inline]
-    pub(super) fn is_reached_by(&self, bounds: &Aabb) -> bool {
-        bounds.max_along(self.normal) > self.least
+    pub(super) fn is_reached_by(&self, block: &Block) -> bool {
+        self.normal.dot(block.middle) + self.width.dot(block.half) > self.least
     }
 }
 

@@ -1,5 +1,6 @@
 //! What a screen hides is dealt out to the faces that lie in it.
 
+use super::boxes::{Block, Ray};
 use super::cones::{Cone, Margins};
 use super::cover::{Inside, Peeler};
 use super::screens::{Screens, Share};
@@ -17,11 +18,15 @@ const NO_MARGINS: Margins = Margins {
 /// Working memory of dealing.
 #[derive(Debug, Default)]
 pub(super) struct Dealer {
+    /// Shares that may be seen, by their places among those of the screen.
+    found: Vec<u32>,
+    stack: Vec<u32>,
     /// Cones that are not dealt yet, and those left of them.
     open: Vec<Cone>,
     left: Vec<Cone>,
     /// Cones to be used again.
     spare: Vec<Cone>,
+    sights: Sights,
     peeler: Peeler,
     fragment: Vec<DVec3>,
 }
@@ -29,51 +34,99 @@ pub(super) struct Dealer {
 impl Dealer {
     /// Deals a cone out to the shares of the screen that covers it; returns the sum of the
     /// factors. An ended cone goes to the share in its middle.
+    ///
+    /// * `rounding` — of corners; scene units.
     pub(super) fn deal(
         &mut self,
         screens: &Screens,
-        place: &Place,
+        (place, rounding): (&Place, f64),
         (seen, cone): (&Seen, &Cone),
-        (sights, rounding): (&mut Sights, f64),
         is_ended: bool,
         visit: &mut impl FnMut(VisiblePart<'_>),
     ) -> f64 {
         let shares = screens.shares(seen.screen, seen.shows_front);
-        let (last, others) = shares.split_last().expect("a screen is of a face");
-        if others.is_empty() {
-            return self.give(place, (seen, cone), last, is_ended, visit);
+        if let [only] = shares {
+            return self.give(place, (seen, cone), only, is_ended, visit);
         }
-        let normal = screens.get(seen.screen).normal;
-        let about = |share: &Share| if share.is_turned { -normal } else { normal };
-        if is_ended {
-            let middle = cone.middle();
-            let is_there = |share: &&Share| {
-                let mark = sights.mark();
-                let corners = screens.share_corners(share);
-                let at = sights.look(corners, about(share), place, rounding);
-                let halves = at.as_ref().map(|at| sights.halves(at));
-                let is_there = halves.is_some_and(|h| h.iter().all(|h| h.value(middle) >= 0.0));
-                sights.back_to(mark);
-                is_there
-            };
-            let share = others.iter().find(is_there).unwrap_or(last);
-            return self.give(place, (seen, cone), share, is_ended, visit);
-        }
-        let mut sum = 0.0;
-        self.put(cone);
-        for share in others {
-            let mark = sights.mark();
-            let corners = screens.share_corners(share);
-            if let Some(at) = sights.look(corners, about(share), place, rounding) {
-                sum += self.take(place, seen, (&at, sights), share, visit);
+        let middle = cone.middle();
+        let ray = Ray::new(place.point, middle, 64.0 * rounding);
+        let is_met = |block: &Block| {
+            if is_ended {
+                ray.meets(block, f64::INFINITY)
+            } else {
+                cone.sides.iter().all(|side| side.is_reached_by(block))
             }
-            sights.back_to(mark);
-        }
-        while let Some(rest) = self.open.pop() {
-            sum += self.give(place, (seen, &rest), last, false, visit);
-            self.spare.push(rest);
-        }
+        };
+        self.find(screens, seen, is_met, shares.len());
+        let found = std::mem::take(&mut self.found);
+        let (&last, others) = found.split_last().expect("the last is always among them");
+        let sum = if is_ended {
+            let mut others = others.iter().map(|&i| &shares[i as usize]);
+            let share = others.find(|share| {
+                let at = self.look(screens, (place, rounding), seen, share);
+                at.is_some_and(|at| {
+                    let mut halves = self.sights.halves(&at).iter();
+                    halves.all(|half| half.value(middle) >= 0.0)
+                })
+            });
+            let share = share.unwrap_or(&shares[last as usize]);
+            self.give(place, (seen, cone), share, true, visit)
+        } else {
+            let mut sum = 0.0;
+            self.put(cone);
+            for &i in others {
+                if self.open.is_empty() {
+                    break;
+                }
+                let share = &shares[i as usize];
+                if let Some(at) = self.look(screens, (place, rounding), seen, share) {
+                    sum += self.take(place, seen, &at, share, visit);
+                }
+            }
+            while let Some(rest) = self.open.pop() {
+                sum += self.give(place, (seen, &rest), &shares[last as usize], false, visit);
+                self.spare.push(rest);
+            }
+            sum
+        };
+        self.found = found;
         sum
+    }
+
+    /// Finds the shares whose boxes are met, in their order; one at least.
+    fn find(
+        &mut self,
+        screens: &Screens,
+        seen: &Seen,
+        is_met: impl Fn(&Block) -> bool,
+        n_shares: usize,
+    ) {
+        self.found.clear();
+        let Some(tree) = screens.tree_of_shares(seen.screen, seen.shows_front) else {
+            self.found.extend(0..n_shares as u32);
+            return;
+        };
+        let found = &mut self.found;
+        tree.visit(&mut self.stack, is_met, |share| found.push(share));
+        found.sort_unstable();
+        if found.is_empty() {
+            found.push(n_shares as u32 - 1);
+        }
+    }
+
+    /// A share from the point.
+    fn look(
+        &mut self,
+        screens: &Screens,
+        (place, rounding): (&Place, f64),
+        seen: &Seen,
+        share: &Share,
+    ) -> Option<Seen> {
+        let normal = screens.get(seen.screen).normal;
+        let about = if share.is_turned { -normal } else { normal };
+        self.sights.clear();
+        self.sights
+            .look(screens.share_corners(share), about, place, rounding)
     }
 
     /// Gives a share what it holds of the open cones.
@@ -81,7 +134,7 @@ impl Dealer {
         &mut self,
         place: &Place,
         seen: &Seen,
-        (at, sights): (&Seen, &Sights),
+        at: &Seen,
         share: &Share,
         visit: &mut impl FnMut(VisiblePart<'_>),
     ) -> f64 {
@@ -89,7 +142,7 @@ impl Dealer {
         let mut peeler = std::mem::take(&mut self.peeler);
         let mut open = std::mem::take(&mut self.open);
         for cone in open.drain(..) {
-            match peeler.peel(&cone, sights.halves(at), place.point, NO_MARGINS) {
+            match peeler.peel(&cone, self.sights.halves(at), place.point, NO_MARGINS) {
                 Inside::Nothing => {
                     self.left.push(cone);
                     continue;

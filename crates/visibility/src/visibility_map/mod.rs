@@ -14,9 +14,11 @@
 //! Weiler & Atherton 1977 (WA77 in `docs/references.md`) peel polygons front to back like
 //! this on a picture; the limits at contacts are those of [`crate::cone`].
 
+mod boxes;
 mod cones;
 mod cover;
 mod deal;
+mod merge;
 mod place;
 mod screens;
 mod seen;

@@ -5,17 +5,25 @@
 //! was divided into covered and uncovered faces hides as one, and the faces of a two-sided
 //! surface lie back to back.
 
-use antumbra_scene::{Aabb, BoxTree, FaceId, PlaneId, Scene};
+use super::boxes::{Block, Blocks};
+use super::merge::{Joined, join};
+use antumbra_scene::{Aabb, BoxTree, FaceId, PlaneId, Scene, VertexId};
 use glam::DVec3;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 /// All screens of a scene.
 #[derive(Debug)]
 pub(crate) struct Screens {
     list: Vec<Screen>,
+    /// Their boxes.
+    pub(super) blocks: Vec<Block>,
     corners: Vec<DVec3>,
     shares: Vec<Share>,
+    trees: Vec<Blocks>,
     pub(super) tree: BoxTree,
+    /// The same tree.
+    pub(super) hierarchy: Blocks,
 }
 
 /// An opaque convex polygon.
@@ -24,11 +32,21 @@ pub(super) struct Screen {
     /// Unit normal; corners run counter-clockwise about it.
     pub(super) normal: DVec3,
     pub(super) plane: PlaneId,
-    pub(super) bounds: Aabb,
     corners: Range<u32>,
     /// What is seen from the side of the normal, and from the other.
-    sides: [Range<u32>; 2],
+    sides: [Sharing; 2],
 }
+
+/// What is seen on one side of a screen.
+#[derive(Clone, Debug)]
+struct Sharing {
+    shares: Range<u32>,
+    /// Where to look for them, if they are many.
+    tree: Option<u32>,
+}
+
+/// So many shares are all tried.
+const FEW_SHARES: usize = 8;
 
 /// A convex piece of a face that is seen on one side of a screen.
 #[derive(Clone, Debug)]
@@ -55,17 +73,33 @@ impl Screens {
     pub(crate) fn new(scene: &Scene) -> Self {
         let mut screens = Self {
             list: Vec::new(),
+            blocks: Vec::new(),
             corners: Vec::new(),
             shares: Vec::new(),
+            trees: Vec::new(),
             tree: BoxTree::default(),
+            hierarchy: Blocks::default(),
         };
-        let hiding = (0..scene.pieces.len() as u32).filter(|&i| scene.pieces[i as usize].hides);
-        for piece in hiding {
-            screens.add(scene, piece);
+        let mut by_side: BTreeMap<(PlaneId, bool), Vec<u32>> = BTreeMap::new();
+        for (i, piece) in (0..).zip(&scene.pieces) {
+            let face = scene.face(piece.face);
+            if piece.hides {
+                let pieces = by_side.entry((face.plane, face.along_plane));
+                pieces.or_default().push(i);
+            }
         }
-        let boxes: Vec<(u32, Aabb)> = (0..).zip(screens.list.iter().map(|s| s.bounds)).collect();
+        for joined in by_side.values().flat_map(|pieces| join(scene, pieces)) {
+            screens.add(scene, &joined);
+        }
+        let boxes = |i: u32| Aabb::of(screens.corners(i).iter().copied());
+        let boxes: Vec<(u32, Aabb)> = (0..screens.list.len() as u32)
+            .map(|i| (i, boxes(i)))
+            .collect();
+        screens.blocks = boxes.iter().map(|(_, b)| Block::of(b)).collect();
         screens.tree = BoxTree::new(&boxes);
-        screens.share_overlaps(scene);
+        screens.hierarchy = Blocks::of(&screens.tree);
+        screens.share_overlaps(scene, &boxes);
+        screens.plant_trees();
         screens
     }
 
@@ -96,8 +130,14 @@ impl Screens {
     /// What is seen on one side of a screen, in the order in which it is dealt out: what is
     /// nowhere else is of the last.
     pub(super) fn shares(&self, screen: u32, from_front: bool) -> &[Share] {
-        let range = &self.get(screen).sides[usize::from(!from_front)];
+        let range = &self.get(screen).sides[usize::from(!from_front)].shares;
         &self.shares[range.start as usize..range.end as usize]
+    }
+
+    /// The boxes of these shares, by their places among them, if they are many.
+    pub(super) fn tree_of_shares(&self, screen: u32, from_front: bool) -> Option<&Blocks> {
+        let tree = self.get(screen).sides[usize::from(!from_front)].tree?;
+        Some(&self.trees[tree as usize])
     }
 
     /// Corners of a share; scene units.
@@ -105,20 +145,16 @@ impl Screens {
         &self.corners[share.corners.start as usize..share.corners.end as usize]
     }
 
-    fn add(&mut self, scene: &Scene, piece: u32) {
-        let of = &scene.pieces[piece as usize];
-        let face = scene.face(of.face);
-        let corners = self.push_corners(scene.positions(&of.vertices));
-        let bounds = Aabb::of(scene.positions(&of.vertices));
-        let front = self.push_fronts(scene, piece, true, &corners);
-        let back = self.push_backs(scene, piece, &bounds);
-        let back = back.unwrap_or_else(|| self.push_fronts(scene, piece, false, &corners));
+    fn add(&mut self, scene: &Scene, joined: &Joined) {
+        let face = scene.face(scene.pieces[joined.pieces[0] as usize].face);
+        let corners = self.push_corners(joined.corners.iter().copied());
+        let front = self.push_fronts(scene, &joined.pieces, true);
+        let back = self.push_backs(scene, &joined.pieces);
         self.list.push(Screen {
             normal: face.normal,
             plane: face.plane,
-            bounds,
             corners,
-            sides: [front, back],
+            sides: [front, back].map(|shares| Sharing { shares, tree: None }),
         });
     }
 
@@ -128,74 +164,109 @@ impl Screens {
         start..self.corners.len() as u32
     }
 
-    /// The faces of a piece, as seen from their front or from behind.
-    fn push_fronts(
+    fn push_share(
         &mut self,
         scene: &Scene,
+        face: FaceId,
         piece: u32,
-        shows_front: bool,
-        corners: &Range<u32>,
-    ) -> Range<u32> {
-        let start = self.shares.len() as u32;
-        let of = &scene.pieces[piece as usize];
-        if of.n_faces == 1 {
-            self.shares.push(Share {
-                face: of.face,
-                shows_front,
-                corners: corners.clone(),
-                is_turned: false,
-            });
-        } else {
-            for face in scene.faces_of(piece) {
-                for part in own_pieces(scene, face) {
-                    let corners = self.push_corners(scene.positions(&scene.pieces[part].vertices));
-                    self.shares.push(Share {
-                        face,
-                        shows_front,
-                        corners,
-                        is_turned: false,
-                    });
-                }
-            }
-        }
-        start..self.shares.len() as u32
+        (shows_front, is_turned): (bool, bool),
+    ) {
+        let corners = self.push_corners(scene.positions(&scene.pieces[piece as usize].vertices));
+        self.shares.push(Share {
+            face,
+            shows_front,
+            corners,
+            is_turned,
+        });
     }
 
-    /// The faces behind a piece of a two-sided surface; `None` if it is not one.
-    fn push_backs(&mut self, scene: &Scene, piece: u32, bounds: &Aabb) -> Option<Range<u32>> {
-        let start = self.shares.len() as u32;
-        let front = scene.face(scene.pieces[piece as usize].face);
-        let faces = scene.surfaces[front.surface.index()].faces.clone();
-        for face in faces.map(FaceId) {
-            let back = scene.face(face);
-            if !back.is_back || back.plane != front.plane {
-                continue;
-            }
-            for part in own_pieces(scene, face) {
-                let corners = scene.positions(&scene.pieces[part].vertices);
-                if !Aabb::of(corners.iter().copied()).meets(bounds) {
-                    continue;
+    /// The faces of some pieces, as seen from their front or from behind.
+    fn push_fronts(&mut self, scene: &Scene, pieces: &[u32], shows_front: bool) -> Range<u32> {
+        let start = self.shares.len();
+        for &piece in pieces {
+            if scene.pieces[piece as usize].n_faces == 1 {
+                let face = scene.pieces[piece as usize].face;
+                self.push_share(scene, face, piece, (shows_front, false));
+            } else {
+                for face in scene.faces_of(piece) {
+                    for part in own_pieces(scene, face) {
+                        self.push_share(scene, face, part, (shows_front, false));
+                    }
                 }
-                let corners = self.push_corners(corners);
-                self.shares.push(Share {
-                    face,
-                    shows_front: true,
-                    corners,
-                    is_turned: true,
-                });
             }
         }
-        let end = self.shares.len() as u32;
-        (end > start).then_some(start..end)
+        self.end_shares(start)
     }
+
+    /// What is seen of some pieces from behind: the backs of two-sided surfaces, else that
+    /// they have none.
+    fn push_backs(&mut self, scene: &Scene, pieces: &[u32]) -> Range<u32> {
+        let start = self.shares.len();
+        let mut backs: BTreeSet<(FaceId, u32)> = BTreeSet::new();
+        let mut one_sided: Vec<u32> = Vec::new();
+        for &piece in pieces {
+            let found = backs_of(scene, piece);
+            if found.is_empty() {
+                one_sided.push(piece);
+            }
+            backs.extend(found);
+        }
+        for (face, piece) in backs {
+            self.push_share(scene, face, piece, (true, true));
+        }
+        self.push_fronts(scene, &one_sided, false);
+        self.end_shares(start)
+    }
+
+    /// The shares from `start` on; a single one if all are of one face.
+    fn end_shares(&mut self, start: usize) -> Range<u32> {
+        let key = |share: &Share| (share.face, share.shows_front);
+        let shares = &self.shares[start..];
+        if shares.windows(2).all(|pair| key(&pair[0]) == key(&pair[1])) {
+            self.shares.truncate(start + 1);
+        }
+        start as u32..self.shares.len() as u32
+    }
+
+    /// Trees for the sides on which many faces are seen.
+    fn plant_trees(&mut self) {
+        for screen in 0..self.list.len() {
+            for side in 0..2 {
+                let range = self.list[screen].sides[side].shares.clone();
+                if range.len() <= FEW_SHARES {
+                    continue;
+                }
+                let shares = &self.shares[range.start as usize..range.end as usize];
+                let bounds = |share| Aabb::of(self.share_corners(share).iter().copied());
+                let boxes: Vec<(u32, Aabb)> = (0..).zip(shares.iter().map(bounds)).collect();
+                self.list[screen].sides[side].tree = Some(self.trees.len() as u32);
+                self.trees.push(Blocks::of(&BoxTree::new(&boxes)));
+            }
+        }
+    }
+}
+
+/// Pieces of faces at the back of a piece, if its surface is two-sided.
+fn backs_of(scene: &Scene, piece: u32) -> Vec<(FaceId, u32)> {
+    let piece = &scene.pieces[piece as usize];
+    let bounds = |vertices: &[VertexId]| Aabb::of(scene.positions(vertices));
+    let (front, around) = (scene.face(piece.face), bounds(&piece.vertices));
+    let faces = scene.surfaces[front.surface.index()].faces.clone();
+    faces
+        .map(FaceId)
+        .filter(|&face| scene.face(face).is_back && scene.face(face).plane == front.plane)
+        .flat_map(|face| own_pieces(scene, face).map(move |part| (face, part)))
+        .filter(|&(_, part)| bounds(&scene.pieces[part as usize].vertices).meets(&around))
+        .collect()
 }
 
 /// Coplanar screens that overlap hide as if each were alone; what is seen there is that
 /// which shows its front, emitters first.
 impl Screens {
-    fn share_overlaps(&mut self, scene: &Scene) {
-        let found: Vec<(u32, Vec<u32>)> = (0..self.list.len() as u32)
-            .map(|screen| (screen, self.overlapping(scene, screen)))
+    fn share_overlaps(&mut self, scene: &Scene, boxes: &[(u32, Aabb)]) {
+        let found: Vec<(u32, Vec<u32>)> = boxes
+            .iter()
+            .map(|(screen, bounds)| (*screen, self.overlapping(scene, *screen, bounds)))
             .filter(|(_, others)| !others.is_empty())
             .collect();
         let sides: Vec<(u32, [Vec<Share>; 2])> = found
@@ -209,19 +280,20 @@ impl Screens {
             self.list[screen as usize].sides = sides.map(|shares| {
                 let start = self.shares.len() as u32;
                 self.shares.extend(shares);
-                start..self.shares.len() as u32
+                let shares = start..self.shares.len() as u32;
+                Sharing { shares, tree: None }
             });
         }
     }
 
     /// Screens of the same plane that have an area in common with this one, ascending.
-    fn overlapping(&self, scene: &Scene, screen: u32) -> Vec<u32> {
-        let of = self.get(screen);
+    fn overlapping(&self, scene: &Scene, screen: u32, bounds: &Aabb) -> Vec<u32> {
+        let plane = self.get(screen).plane;
         let mut others = Vec::new();
         self.tree.visit(
-            |bounds| bounds.meets(&of.bounds),
+            |b| b.meets(bounds),
             |other| {
-                let is_in_plane = other != screen && self.get(other).plane == of.plane;
+                let is_in_plane = other != screen && self.get(other).plane == plane;
                 if is_in_plane && self.overlap(screen, other, scene.plane_tolerance()) {
                     others.push(other);
                 }
@@ -270,7 +342,7 @@ impl Screens {
 }
 
 /// The pieces that a face is made of, and not those of the front it was divided from.
-fn own_pieces(scene: &Scene, face: FaceId) -> impl Iterator<Item = usize> + '_ {
-    let range = &scene.face(face).pieces;
-    (range.start as usize..range.end as usize).filter(|&i| scene.pieces[i].n_faces == 1)
+fn own_pieces(scene: &Scene, face: FaceId) -> impl Iterator<Item = u32> + '_ {
+    let range = scene.face(face).pieces.clone();
+    range.filter(|&i| scene.pieces[i as usize].n_faces == 1)
 }

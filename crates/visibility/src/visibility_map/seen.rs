@@ -54,17 +54,6 @@ impl Sights {
         &self.halves[range(seen.halves)]
     }
 
-    /// How many corners and half-spaces there are, to go back to.
-    pub(super) fn mark(&self) -> (usize, usize) {
-        (self.corners.len(), self.halves.len())
-    }
-
-    /// Forgets what was looked at since the mark.
-    pub(super) fn back_to(&mut self, (corners, halves): (usize, usize)) {
-        self.corners.truncate(corners);
-        self.halves.truncate(halves);
-    }
-
     /// Looks at a convex polygon; `None` if it is seen edge-on.
     ///
     /// * `corners` — counter-clockwise about `normal`, scene units.
@@ -90,7 +79,7 @@ impl Sights {
             return None;
         }
         let sign = slope.map_or(height, |slope| -slope).signum();
-        let (start, first_half) = self.mark();
+        let (start, first_half) = (self.corners.len(), self.halves.len());
         let mut farthest_sq = 0.0f64;
         for &corner in corners {
             let corner = corner - point;
@@ -140,6 +129,15 @@ impl Sights {
 }
 
 impl Seen {
+    /// How many times a direction leads to the plane: not at all if the point touches it.
+    pub(super) fn depth(&self, direction: DVec3) -> f64 {
+        if self.touches {
+            0.0
+        } else {
+            self.height / self.normal.dot(direction)
+        }
+    }
+
     /// Where a direction meets the plane, relative to the point; no farther away than the
     /// polygon is. If the plane touches the point, just behind it.
     pub(super) fn foot(&self, direction: DVec3, place: &Place) -> DVec3 {

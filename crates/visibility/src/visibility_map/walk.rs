@@ -1,5 +1,6 @@
 //! The walk front to back: cones, and what may still reach into them.
 
+use super::boxes::{Block, Ray};
 use super::cones::{Cone, Margins, Side};
 use super::cover::{Inside, Peeler, opposite};
 use super::deal::Dealer;
@@ -9,8 +10,10 @@ use super::seen::{Seen, Sights, nearer_than};
 use super::{MapTotals, Place, VisiblePart};
 use crate::evaluator::Evaluator;
 use crate::lambert::contour_sum;
-use antumbra_scene::{Aabb, Below};
 use glam::DVec3;
+
+/// What lies this much farther away than what is hit is not asked for.
+const BEYOND: f64 = 1.0 + 1e-9;
 
 /// Working memory of visibility maps, for one thread.
 #[derive(Debug, Default)]
@@ -163,7 +166,7 @@ struct Walk<'a, V> {
 
 impl<V: FnMut(VisiblePart<'_>)> Walk<'_, V> {
     fn run(&mut self) {
-        let root = self.screens.tree.root();
+        let root = (!self.screens.hierarchy.nodes.is_empty()).then_some(0);
         for (corners, sides) in quarters(&self.place, self.margins) {
             self.scratch.cone.assign(&corners, &sides);
             let items = root.into_iter().map(|root| Item {
@@ -205,33 +208,31 @@ impl<V: FnMut(VisiblePart<'_>)> Walk<'_, V> {
 
     /// Puts what is below a node, and may reach into the cone, into the list.
     fn open(&mut self, node: u32, cover: Option<u32>) {
-        let tree = &self.screens.tree;
-        if self.is_box_hidden(tree.bounds(node), cover) {
+        let screens = self.screens;
+        let hierarchy = &screens.hierarchy;
+        let node = &hierarchy.nodes[node as usize];
+        if self.is_box_hidden(&node.block, cover) {
             return;
         }
-        match tree.below(node) {
-            Below::Nodes(children) => {
-                for child in children {
-                    self.insert(What::Node(child), tree.bounds(child));
-                }
+        if node.n_items == 0 {
+            for child in [node.first, node.first + 1] {
+                self.insert(What::Node(child), &hierarchy.nodes[child as usize].block);
             }
-            Below::Items(items) => {
-                for &screen in items {
-                    self.insert(What::Screen(screen), &self.screens.get(screen).bounds);
-                }
+        } else {
+            for &screen in hierarchy.items_of(node) {
+                self.insert(What::Screen(screen), &screens.blocks[screen as usize]);
             }
         }
     }
 
-    fn insert(&mut self, what: What, bounds: &Aabb) {
+    fn insert(&mut self, what: What, block: &Block) {
         let scratch = &mut *self.scratch;
         self.totals.n_boxes += 1;
         let mut sides = scratch.cone.sides.iter();
-        if !self.up.is_reached_by(bounds) || !sides.all(|side| side.is_reached_by(bounds)) {
+        if !sides.all(|side| side.is_reached_by(block)) || !self.up.is_reached_by(block) {
             return;
         }
-        let nearest = self.place.point.clamp(bounds.min, bounds.max);
-        let distance_sq = nearest.distance_squared(self.place.point);
+        let distance_sq = block.distance_sq(self.place.point);
         let at = scratch
             .list
             .partition_point(|item| item.distance_sq > distance_sq);
@@ -239,17 +240,16 @@ impl<V: FnMut(VisiblePart<'_>)> Walk<'_, V> {
     }
 
     /// Is all of a box behind what covers the cone?
-    fn is_box_hidden(&self, bounds: &Aabb, cover: Option<u32>) -> bool {
+    fn is_box_hidden(&self, block: &Block, cover: Option<u32>) -> bool {
         let Some(cover) = cover else {
             return false;
         };
         let cover = self.seen(cover);
         if cover.touches {
-            let nearest = self.place.point.clamp(bounds.min, bounds.max);
-            return nearest.distance_squared(self.place.point)
-                > self.margins.slack * self.margins.slack;
+            let slack = self.margins.slack;
+            return block.distance_sq(self.place.point) > slack * slack;
         }
-        let nearest = -bounds.max_along(-cover.normal) - cover.normal.dot(self.place.point);
+        let nearest = block.least_along(cover.normal) - cover.normal.dot(self.place.point);
         nearest >= cover.height - 4.0 * self.rounding
     }
 
@@ -309,8 +309,8 @@ impl<V: FnMut(VisiblePart<'_>)> Walk<'_, V> {
         let mut reaches = |side: &Side, item: &Item| {
             n_boxes += 1;
             side.is_reached_by(match item.what {
-                What::Node(node) => screens.tree.bounds(node),
-                What::Screen(screen) => &screens.get(screen).bounds,
+                What::Node(node) => &screens.hierarchy.nodes[node as usize].block,
+                What::Screen(screen) => &screens.blocks[screen as usize],
             })
         };
         for (piece, half) in scratch.peeler.pieces() {
@@ -328,16 +328,42 @@ impl<V: FnMut(VisiblePart<'_>)> Walk<'_, V> {
 
     /// What is seen in the middle of the cone, and lies in front of its cover.
     fn look_through_middle(&mut self, mut cover: Option<u32>) -> Option<u32> {
+        let (screens, point) = (self.screens, self.place.point);
         let middle = self.scratch.cone.middle();
+        let ray = Ray::new(point, middle, self.margins.slack);
+        let depth = |seen: Option<Seen>| seen.map_or(f64::INFINITY, |s| s.depth(middle) * BEYOND);
+        let mut longest = depth(cover.map(|cover| self.seen(cover)));
         while let Some(item) = self.scratch.list.pop() {
             match item.what {
-                What::Node(node) => self.open(node, cover),
+                What::Node(node) => {
+                    let node = &screens.hierarchy.nodes[node as usize];
+                    self.totals.n_boxes += 1;
+                    if !ray.meets(&node.block, longest) {
+                        continue;
+                    }
+                    let items = |what: fn(u32) -> What| {
+                        move |id: u32| Item {
+                            distance_sq: 0.0,
+                            what: what(id),
+                        }
+                    };
+                    if node.n_items == 0 {
+                        let children = [node.first + 1, node.first].map(items(What::Node));
+                        self.scratch.list.extend(children);
+                    } else {
+                        let leaf = screens.hierarchy.items_of(node).iter().copied();
+                        self.scratch.list.extend(leaf.map(items(What::Screen)));
+                    }
+                }
                 What::Screen(screen) => {
-                    if let Some(at) = self.look(screen)
+                    self.totals.n_boxes += 1;
+                    if ray.meets(&screens.blocks[screen as usize], longest)
+                        && let Some(at) = self.look(screen)
                         && !self.is_hidden(at, screen, cover)
                         && self.is_hit(at, middle, cover)
                     {
                         cover = Some(at);
+                        longest = depth(Some(self.seen(at)));
                     }
                 }
             }
@@ -424,9 +450,8 @@ impl<V: FnMut(VisiblePart<'_>)> Walk<'_, V> {
                 let seen = scratch.seen[cover as usize].expect("only what is seen covers");
                 self.sum += scratch.dealer.deal(
                     self.screens,
-                    &self.place,
+                    (&self.place, self.rounding),
                     (&seen, &scratch.cone),
-                    (&mut scratch.sights, self.rounding),
                     is_ended,
                     &mut self.visit,
                 );
