@@ -19,6 +19,8 @@ pub use control::{Control, Phase};
 pub use convex::convex_pieces;
 pub use glam::{DVec2, DVec3, dvec2, dvec3};
 pub use measure::{bounding_box, distance_to_segment, distance_to_segment_in_space};
-pub use polygon::{newell_normal, point_in_polygon, polygon_area, segments_cross, signed_area};
+pub use polygon::{
+    is_left_of, newell_normal, point_in_polygon, polygon_area, segments_cross, signed_area,
+};
 pub use settle::{Plane, settled};
 pub use stop::Stop;

@@ -48,16 +48,18 @@ pub fn point_in_polygon<'a>(point: DVec2, loops: impl IntoIterator<Item = &'a [D
     for corners in loops {
         let n = corners.len();
         for i in 0..n {
-            let (a, b) = (corners[i], corners[(i + 1) % n]);
-            if (a.y > point.y) != (b.y > point.y) {
-                let turn = orient(a, b, point);
-                if (turn > 0.0) == (b.y > a.y) {
-                    inside = !inside;
-                }
-            }
+            inside ^= is_left_of(point, [corners[i], corners[(i + 1) % n]]);
         }
     }
     inside
+}
+
+/// Does the ray from a point along +x cross a segment? Exact, but for points on it.
+///
+/// A point is inside of what an odd number of border edges is crossed from.
+#[must_use]
+pub fn is_left_of(point: DVec2, [a, b]: [DVec2; 2]) -> bool {
+    (a.y > point.y) != (b.y > point.y) && (orient(a, b, point) > 0.0) == (b.y > a.y)
 }
 
 /// Do the open segments `ab` and `cd` cross, or overlap along a length? Exact.

@@ -6,6 +6,7 @@
 //! consulted once, here; what it decides is an id afterwards.
 
 mod covered;
+pub(crate) mod crooked;
 mod flat;
 mod frame;
 mod loops;
@@ -24,6 +25,7 @@ use crate::scene::{
     Edge, Face, FaceId, Frame, Material, MaterialId, Piece, PlaneId, Scene, Surface, SurfaceId,
     VertexId,
 };
+use crate::weld_input::named;
 use antumbra_geom::Stop;
 use covered::{Part, Sheet};
 use glam::DVec3;
@@ -53,7 +55,12 @@ impl Scene {
     /// What is found after a stop means nothing.
     fn build_or_stop(input: &SceneInput, stop: Stop<'_>) -> Result<Built, Vec<Problem>> {
         let mut findings = Findings::default();
+        let mended = crooked::mended(input);
+        let input = mended.as_ref().map_or(input, |mended| &mended.input);
         check_names(input, &mut findings);
+        if let Some(mended) = &mended {
+            findings.joined(mended, input.length_unit);
+        }
         let (materials, n_bands) = materials::check(input, &mut findings);
         let usable = frame::finite_surfaces(input, &mut findings);
         let Some((frame, extent)) = frame::of(input, &usable, &mut findings) else {
@@ -492,6 +499,22 @@ impl Findings {
             "surfaces '{a}' and '{b}' cover each other, but where their borders meet is not known well enough to tell what is covered: taken for a thin plate"
         );
         self.warning(Self::SCENE, "not-divided", vec![a, b], message);
+    }
+
+    /// Corners of crooked surfaces were joined.
+    fn joined(&mut self, mended: &crooked::Mended, unit: LengthUnit) {
+        let message = format!(
+            "{} corners of {} joined with their neighbours, by at most {:.2e} {unit}: surfaces there are off their planes by {:.2e} {unit}, and slits no wider than {} times that mean nothing",
+            mended.n_moved,
+            named(&mended.surfaces),
+            mended.farthest,
+            mended.allowed / crooked::REACH,
+            crooked::REACH,
+            unit = unit.symbol(),
+        );
+        let names = mended.surfaces.clone();
+        self.warning(Self::SCENE, "joined", names, message);
+        self.with_numbers(mended.farthest, mended.allowed);
     }
 
     /// Adds the numbers to the last finding.

@@ -262,6 +262,13 @@ impl Scene {
         (piece.face.0..piece.face.0 + piece.n_faces).map(FaceId)
     }
 
+    /// Is a piece of this face, or of the front that it is a part of?
+    #[must_use]
+    pub fn is_of(&self, piece: u32, face: FaceId) -> bool {
+        let piece = &self.pieces[piece as usize];
+        (piece.face.0..piece.face.0 + piece.n_faces).contains(&face.0)
+    }
+
     /// All faces by id.
     pub fn face_ids(&self) -> impl Iterator<Item = FaceId> + use<> {
         (0..self.faces.len() as u32).map(FaceId)

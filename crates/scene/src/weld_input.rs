@@ -4,6 +4,7 @@
 //! It happens before a scene is built, so that everything is checked afterwards: a wall
 //! whose corners leave its plane is split or refused like any other.
 
+use crate::build::crooked;
 use crate::input::{SceneInput, SurfaceInput};
 use crate::problem::{Problem, Severity};
 use glam::DVec3;
@@ -60,17 +61,10 @@ impl SceneInput {
         }
         let welded = join(self, length);
         if welded.n_moved > 0 {
-            const NAMED: usize = 8;
-            let named = welded.surfaces.iter().take(NAMED);
-            let named: Vec<String> = named.map(|name| format!("'{name}'")).collect();
-            let more = match welded.surfaces.len().saturating_sub(NAMED) {
-                0 => String::new(),
-                n => format!(" and {n} more"),
-            };
             self.notes.push(format!(
-                "welded: {} corners of {}{more} moved, by at most {:.2e} {}",
+                "welded: {} corners of {} moved, by at most {:.2e} {}",
                 welded.n_moved,
-                named.join(", "),
+                named(&welded.surfaces),
                 welded.farthest,
                 self.length_unit.symbol()
             ));
@@ -85,7 +79,10 @@ impl SceneInput {
     pub fn corner_gaps(&self) -> Option<Problem> {
         let suspicious = SUSPICIOUS * extent(self);
         let shortest = shortest_edge(self).map_or(0.0, |(_, [p, q])| p.distance(q));
-        let gaps = join(&mut self.clone(), suspicious.min(0.5 * shortest));
+        // Not those that are joined without being asked for.
+        let mended = crooked::mended(self).map(|mended| mended.input);
+        let mut corners = mended.unwrap_or_else(|| self.clone());
+        let gaps = join(&mut corners, suspicious.min(0.5 * shortest));
         let wanted = round_up(gaps.farthest);
         if gaps.n_moved == 0 || wanted >= shortest {
             return None;
@@ -105,6 +102,18 @@ impl SceneInput {
     }
 }
 
+/// The first few of some surfaces by name, and how many more there are.
+pub(crate) fn named(surfaces: &[String]) -> String {
+    const NAMED: usize = 8;
+    let named = surfaces.iter().take(NAMED);
+    let named: Vec<String> = named.map(|name| format!("'{name}'")).collect();
+    let more = match surfaces.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        n => format!(" and {n} more"),
+    };
+    format!("{}{more}", named.join(", "))
+}
+
 /// The next of 1, 2 and 5 times a power of ten that is larger by a tenth or more.
 fn round_up(x: f64) -> f64 {
     let wanted = 1.1 * x;
@@ -116,12 +125,12 @@ fn round_up(x: f64) -> f64 {
         .unwrap_or(wanted)
 }
 
-fn loops(surface: &SurfaceInput) -> impl Iterator<Item = &Vec<DVec3>> {
+pub(crate) fn loops(surface: &SurfaceInput) -> impl Iterator<Item = &Vec<DVec3>> {
     std::iter::once(&surface.vertices).chain(&surface.holes)
 }
 
 /// The longest side of the box around all finite corners.
-fn extent(input: &SceneInput) -> f64 {
+pub(crate) fn extent(input: &SceneInput) -> f64 {
     let corners = input.surfaces.iter().flat_map(loops).flatten();
     let (min, max) = corners
         .filter(|p| p.is_finite())
@@ -132,7 +141,7 @@ fn extent(input: &SceneInput) -> f64 {
 }
 
 /// The shortest edge that is one, and its surface.
-fn shortest_edge(input: &SceneInput) -> Option<(&SurfaceInput, [DVec3; 2])> {
+pub(crate) fn shortest_edge(input: &SceneInput) -> Option<(&SurfaceInput, [DVec3; 2])> {
     let least = ROUNDING * extent(input);
     let mut shortest: Option<(&SurfaceInput, [DVec3; 2])> = None;
     for surface in &input.surfaces {
@@ -151,50 +160,97 @@ fn shortest_edge(input: &SceneInput) -> Option<(&SurfaceInput, [DVec3; 2])> {
 
 /// Moves corners to the first within a length.
 fn join(input: &mut SceneInput, length: f64) -> Welded {
-    let mut welded = Welded {
-        n_moved: 0,
-        farthest: 0.0,
-        surfaces: Vec::new(),
-    };
-    let rounding = ROUNDING * extent(input);
-    if !(length > rounding && length.is_finite()) {
-        return welded;
-    }
-    // In cells as wide as the length, what is near lies in the cell or beside it.
-    let mut cells: HashMap<[i64; 3], Vec<(u32, DVec3)>> = HashMap::new();
-    let mut n_places = 0;
+    let mut mover = Mover::new(extent(input), length);
     for surface in &mut input.surfaces {
-        let n_before = welded.n_moved;
+        mover.surface(surface, true);
+    }
+    mover.welded
+}
+
+/// Places of corners, and what was moved to them.
+pub(crate) struct Mover {
+    pub(crate) welded: Welded,
+    length: f64,
+    rounding: f64,
+    /// As wide as the length, so that what is near lies in the cell or beside it. Places
+    /// are numbered.
+    cells: HashMap<[i64; 3], Vec<(u32, DVec3)>>,
+    n_places: u32,
+}
+
+impl Mover {
+    /// * `length` — by how much corners are moved at most; file units.
+    pub(crate) fn new(extent: f64, length: f64) -> Self {
+        Self {
+            welded: Welded {
+                n_moved: 0,
+                farthest: 0.0,
+                surfaces: Vec::new(),
+            },
+            length,
+            rounding: ROUNDING * extent,
+            cells: HashMap::new(),
+            n_places: 0,
+        }
+    }
+
+    /// Moves the corners of a surface to the first places that are near; others, and all
+    /// if they may not move, become places.
+    pub(crate) fn surface(&mut self, surface: &mut SurfaceInput, may_move: bool) {
+        if !(self.length > self.rounding && self.length.is_finite()) {
+            return;
+        }
+        let n_before = self.welded.n_moved;
         let corners = std::iter::once(&mut surface.vertices).chain(&mut surface.holes);
         for corner in corners.flatten().filter(|p| p.is_finite()) {
-            let cell = corner.to_array().map(|x| (x / length).floor() as i64);
-            let mut first: Option<(u32, DVec3)> = None;
-            for offset in 0..27i64 {
-                let offsets = [offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1];
-                let beside: [i64; 3] = std::array::from_fn(|i| cell[i].saturating_add(offsets[i]));
-                for &(id, place) in cells.get(&beside).into_iter().flatten() {
-                    if place.distance(*corner) <= length && first.is_none_or(|f| id < f.0) {
-                        first = Some((id, place));
-                    }
-                }
+            match self.place_near(*corner, may_move) {
+                None => self.add_place(*corner),
+                Some(place) => self.move_to(corner, place),
             }
-            let Some((_, place)) = first else {
-                cells.entry(cell).or_default().push((n_places, *corner));
-                n_places += 1;
-                continue;
-            };
-            let distance = place.distance(*corner);
-            if distance > rounding {
-                welded.n_moved += 1;
-                welded.farthest = welded.farthest.max(distance);
-            }
-            *corner = place;
         }
-        if welded.n_moved > n_before {
-            welded.surfaces.push(surface.name.clone());
+        if self.welded.n_moved > n_before {
+            self.welded.surfaces.push(surface.name.clone());
         }
     }
-    welded
+
+    fn cell(&self, p: DVec3) -> [i64; 3] {
+        p.to_array().map(|x| (x / self.length).floor() as i64)
+    }
+
+    /// The first place within the length, or of a corner that may not move its own.
+    fn place_near(&self, corner: DVec3, may_move: bool) -> Option<DVec3> {
+        let reach = if may_move { self.length } else { 0.0 };
+        let cell = self.cell(corner);
+        let mut first: Option<(u32, DVec3)> = None;
+        for offset in 0..27i64 {
+            let offsets = [offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1];
+            let beside: [i64; 3] = std::array::from_fn(|i| cell[i].saturating_add(offsets[i]));
+            for &(id, place) in self.cells.get(&beside).into_iter().flatten() {
+                if place.distance(corner) <= reach && first.is_none_or(|f| id < f.0) {
+                    first = Some((id, place));
+                }
+            }
+        }
+        first.map(|(_, place)| place)
+    }
+
+    fn add_place(&mut self, corner: DVec3) {
+        let cell = self.cell(corner);
+        self.cells
+            .entry(cell)
+            .or_default()
+            .push((self.n_places, corner));
+        self.n_places += 1;
+    }
+
+    fn move_to(&mut self, corner: &mut DVec3, place: DVec3) {
+        let distance = place.distance(*corner);
+        if distance > self.rounding {
+            self.welded.n_moved += 1;
+            self.welded.farthest = self.welded.farthest.max(distance);
+        }
+        *corner = place;
+    }
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@
 //! (H92, LTG92, DF94 in `docs/references.md`); orders and jumps in `docs/design.md`.
 
 pub(crate) mod adjacency;
+mod border;
 mod contact;
 mod coplanar;
 mod curve;

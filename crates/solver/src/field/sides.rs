@@ -312,8 +312,13 @@ pub(super) fn singular_points(
         .filter(|group| group.iter().any(|e| e.2))
         .filter(|group| {
             let at = mesh.vertices[group[0].0 as usize];
-            let arms = group.iter().map(|e| mesh.vertices[e.1 as usize] - at);
-            !runs_straight_through(&arms.collect::<SmallVec<[DVec2; 4]>>(), radius)
+            let arms = |contacts_only: bool| -> SmallVec<[DVec2; 4]> {
+                let arms = group.iter().filter(|e| e.2 || !contacts_only);
+                arms.map(|e| mesh.vertices[e.1 as usize] - at).collect()
+            };
+            // A contact that ends within touching distance of a border that goes on ends
+            // all the same: the edge that touches leans, and leaves the receiver there.
+            !runs_straight_through(&arms(false), radius) || !goes_both_ways(&arms(true))
         })
         .map(|group| mesh.vertices[group[0].0 as usize])
         .collect();
@@ -339,6 +344,11 @@ fn runs_straight_through(arms: &[DVec2], radius: f64) -> bool {
     let is_straight = |arm: &DVec2| along.perp_dot(*arm).abs() <= (1e-6 * arm.length()).max(slack);
     let goes_back = arms.iter().any(|arm| along.dot(*arm) < 0.0);
     goes_back && arms.iter().all(is_straight)
+}
+
+/// Are there edges to both sides of a vertex?
+fn goes_both_ways(arms: &[DVec2]) -> bool {
+    arms.iter().any(|arm| arms[0].dot(*arm) < 0.0)
 }
 
 #[cfg(test)]

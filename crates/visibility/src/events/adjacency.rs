@@ -1,8 +1,10 @@
 //! Which faces, edges and vertices meet, and which edges are an outline.
 
-use antumbra_scene::{EdgeId, FaceId, Scene, VertexId};
+use crate::events::border::{Border, Large, Region};
+use antumbra_scene::{Aabb, EdgeId, FaceId, Scene, VertexId};
 use glam::DVec3;
 use smallvec::SmallVec;
+use std::borrow::Cow;
 
 /// A face at an edge.
 #[derive(Clone, Copy, Debug)]
@@ -18,6 +20,7 @@ pub(crate) struct Adjacency {
     faces_at_edge: Vec<SmallVec<[FaceAtEdge; 2]>>,
     edges_at_vertex: Vec<SmallVec<[EdgeId; 4]>>,
     edges_of_face: Vec<Vec<EdgeId>>,
+    large: Large,
 }
 
 impl Adjacency {
@@ -56,6 +59,7 @@ impl Adjacency {
             faces_at_edge,
             edges_at_vertex,
             edges_of_face,
+            large: Large::of(scene),
         }
     }
 
@@ -69,6 +73,76 @@ impl Adjacency {
 
     pub(crate) fn edges_of(&self, face: FaceId) -> &[EdgeId] {
         &self.edges_of_face[face.index()]
+    }
+
+    /// The edges of some pieces' faces, ascending; of faces with many edges and of fronts
+    /// with many parts only those whose boxes may meet a query.
+    ///
+    /// * `pieces` — positions in [`Scene::pieces`].
+    pub(crate) fn edges_near(
+        &self,
+        scene: &Scene,
+        pieces: impl IntoIterator<Item = u32>,
+        may_meet: impl Fn(&Aabb) -> bool,
+    ) -> Vec<EdgeId> {
+        let mut edges = Vec::new();
+        for piece in pieces {
+            self.large
+                .faces_of(scene, piece, &may_meet, |face| match self.border(face) {
+                    None => edges.extend(self.edges_of(face)),
+                    Some(border) => edges.extend(
+                        border
+                            .near(&may_meet)
+                            .into_iter()
+                            .filter_map(|[a, b]| scene.edge_between(a, b)),
+                    ),
+                });
+        }
+        edges.sort_unstable();
+        edges.dedup();
+        edges
+    }
+
+    /// The faces of some pieces, ascending; of fronts with many parts only those whose boxes
+    /// may meet a query.
+    pub(crate) fn faces_near(
+        &self,
+        scene: &Scene,
+        pieces: impl IntoIterator<Item = u32>,
+        may_meet: impl Fn(&Aabb) -> bool,
+    ) -> Vec<FaceId> {
+        let mut faces = Vec::new();
+        for piece in pieces {
+            self.large
+                .faces_of(scene, piece, &may_meet, |face| faces.push(face));
+        }
+        faces.sort_unstable();
+        faces.dedup();
+        faces
+    }
+
+    /// The pieces of a face, as positions in [`Scene::pieces`], ascending; of many those
+    /// whose boxes may meet a query.
+    pub(crate) fn pieces_near(
+        &self,
+        scene: &Scene,
+        face: FaceId,
+        may_meet: impl Fn(&Aabb) -> bool,
+    ) -> SmallVec<[u32; 8]> {
+        self.large.pieces_of(scene, face, may_meet)
+    }
+
+    /// The border of a face, if it has many edges.
+    pub(crate) fn border(&self, face: FaceId) -> Option<&Border> {
+        self.large.border(face)
+    }
+
+    /// A face in its own chart.
+    pub(crate) fn region(&self, scene: &Scene, face: FaceId) -> Cow<'_, Region> {
+        match self.border(face) {
+            Some(border) => Cow::Borrowed(border.region()),
+            None => Cow::Owned(Region::of(scene, face)),
+        }
     }
 
     /// Do all faces at an edge lie on one side of the plane through the edge with

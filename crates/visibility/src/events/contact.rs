@@ -4,7 +4,7 @@ use crate::events::coplanar::{Trace, chord};
 use crate::events::tracer::Tracer;
 use crate::events::{Event, EventKind};
 use crate::intervals::Intervals;
-use antumbra_scene::{Aabb, Face, FaceId};
+use antumbra_scene::{Aabb, Face, FaceId, VertexId};
 use glam::DVec3;
 
 /// An edge of which one end is farther than the contact radius touches the receiver along
@@ -36,15 +36,14 @@ impl Tracer<'_, '_> {
             min: bounds.min - r,
             max: bounds.max + r,
         };
-        let mut faces: Vec<FaceId> = Vec::new();
-        self.scene.tree.visit(
-            |b| b.meets(&near),
-            |piece| faces.extend(self.scene.faces_of(piece)),
-        );
-        faces.sort_unstable();
-        faces.dedup();
+        let mut pieces: Vec<u32> = Vec::new();
+        self.scene
+            .tree
+            .visit(|b| b.meets(&near), |piece| pieces.push(piece));
+        let faces = self
+            .adjacency
+            .faces_near(self.scene, pieces, |b| b.meets(&near));
         for id in faces {
-            // A floor with thousands of holes is long to look through for every face.
             if self.stop.is_wanted() {
                 return;
             }
@@ -53,60 +52,23 @@ impl Tracer<'_, '_> {
                 continue;
             }
             self.result.candidates[EventKind::Contact as usize] += 1;
-            self.contact(id, face);
+            self.contact(id, face, &near);
         }
     }
 
-    fn contact(&mut self, id: FaceId, face: &Face) {
-        let r = self.contact_radius;
+    /// Where one face touches or pierces the receiver.
+    ///
+    /// * `near` — what is outside of it is too far to touch.
+    fn contact(&mut self, id: FaceId, face: &Face, near: &Aabb) {
         let emitter = self.scene.material(id).is_emitter().then_some(id);
-        let heights = |corners: &[DVec3], this: &Self| -> Vec<f64> {
-            corners.iter().map(|&c| this.height(c)).collect()
-        };
-        let all: Vec<DVec3> = face.loops().flat_map(|l| self.scene.positions(l)).collect();
-        let all_heights = heights(&all, self);
-        let highest = all_heights
-            .iter()
-            .copied()
-            .fold(f64::NEG_INFINITY, f64::max);
-        if highest <= self.tolerance {
-            return; // Nothing of it is over the receiver's front.
+        // What has nothing over the receiver's front does not touch it; holes are no
+        // higher than the outline.
+        let is_over = |&v: &VertexId| self.height(self.scene.position(v)) > self.tolerance;
+        if !face.outline.iter().any(is_over) {
+            return;
         }
-        let foot = |x: DVec3, h: f64, this: &Self| x - this.face.normal * h;
-        // Edges that lie on the receiver, or a hair from it.
-        let mut segments: Vec<(DVec3, DVec3)> = Vec::new();
-        for corners in face.loops().map(|l| self.scene.positions(l)) {
-            let h = heights(&corners, self);
-            for i in 0..corners.len() {
-                let j = (i + 1) % corners.len();
-                let Some([from, to]) = part_within([h[i], h[j]], r) else {
-                    continue;
-                };
-                let at = |t: f64| {
-                    let height = h[i] + (h[j] - h[i]) * t;
-                    foot(corners[i] + (corners[j] - corners[i]) * t, height, self)
-                };
-                let (a, b) = (at(from), at(to));
-                let lies_on_it = from == 0.0 && to == 1.0;
-                if lies_on_it || a.distance(b) > LEANING * r {
-                    segments.push((a, b));
-                }
-            }
-        }
-        // Pieces that pierce it.
-        for piece in &self.scene.pieces[face.pieces.start as usize..face.pieces.end as usize] {
-            let corners = self.scene.positions(&piece.vertices);
-            let h = heights(&corners, self);
-            if h.iter().any(|&h| h > r) && h.iter().any(|&h| h < -r) {
-                let h: Vec<f64> = h
-                    .iter()
-                    .map(|&h| if h.abs() <= r { 0.0 } else { h })
-                    .collect();
-                if let Some((a, b)) = chord(&corners, &h) {
-                    segments.push((a, b));
-                }
-            }
-        }
+        let mut segments = self.touching_edges(id, near);
+        segments.extend(self.piercing_chords(id, near));
         for (a, b) in segments {
             let Some(direction) = (b - a).try_normalize() else {
                 continue;
@@ -124,19 +86,59 @@ impl Tracer<'_, '_> {
         }
     }
 
+    /// Edges of a face that lie on the receiver, or a hair from it, projected onto it.
+    fn touching_edges(&self, id: FaceId, near: &Aabb) -> Vec<(DVec3, DVec3)> {
+        let r = self.contact_radius;
+        let mut segments = Vec::new();
+        for ends in self.border_of(id, |b| b.meets(near)) {
+            let h = ends.map(|x| self.height(x));
+            let Some([from, to]) = part_within(h, r) else {
+                continue;
+            };
+            let at = |t: f64| {
+                let height = h[0] + (h[1] - h[0]) * t;
+                ends[0] + (ends[1] - ends[0]) * t - self.face.normal * height
+            };
+            let (a, b) = (at(from), at(to));
+            let lies_on_it = from == 0.0 && to == 1.0;
+            if lies_on_it || a.distance(b) > LEANING * r {
+                segments.push((a, b));
+            }
+        }
+        segments
+    }
+
+    /// Where pieces of a face pierce the receiver's plane.
+    fn piercing_chords(&self, id: FaceId, near: &Aabb) -> Vec<(DVec3, DVec3)> {
+        let r = self.contact_radius;
+        let mut segments = Vec::new();
+        for piece in self
+            .adjacency
+            .pieces_near(self.scene, id, |b| b.meets(near))
+        {
+            let corners = self
+                .scene
+                .positions(&self.scene.pieces[piece as usize].vertices);
+            let heights: Vec<f64> = corners.iter().map(|&c| self.height(c)).collect();
+            if heights.iter().any(|&h| h > r) && heights.iter().any(|&h| h < -r) {
+                let snap = |&h: &f64| if h.abs() <= r { 0.0 } else { h };
+                let heights: Vec<f64> = heights.iter().map(snap).collect();
+                segments.extend(chord(&corners, &heights));
+            }
+        }
+        segments
+    }
+
     /// Like `inside_receiver`, but a trace along the border counts as inside: the
     /// border's own edges are then marked as contacts too, all that lie on the trace.
     fn inside_receiver_or_border(&self, trace: &Trace) -> Intervals {
         let r = self.contact_radius;
         let off = |x: DVec3| trace.normal.dot(x - trace.origin).abs();
         let mut all: Vec<(f64, f64)> = self.inside_receiver(trace).iter().collect();
-        for corners in &self.loops {
-            for i in 0..corners.len() {
-                let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
-                if off(a) <= r && off(b) <= r {
-                    let (s, t) = (trace.parameter(a), trace.parameter(b));
-                    all.push((s.min(t), s.max(t)));
-                }
+        for [a, b] in self.border_at(trace, r) {
+            if off(a) <= r && off(b) <= r {
+                let (s, t) = (trace.parameter(a), trace.parameter(b));
+                all.push((s.min(t), s.max(t)));
             }
         }
         Intervals::union(all)

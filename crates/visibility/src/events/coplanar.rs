@@ -66,7 +66,8 @@ pub(crate) struct Sheet<'e, 's> {
     /// Of a facet: on which sides of the plane other faces meet each edge of its layer;
     /// nothing for edges along which it is cut off.
     beside: Vec<Option<Beside>>,
-    /// The chords in which other surfaces cross the plane between receiver and emitter.
+    /// The chords in which other surfaces cross the plane where lines from some stretch of
+    /// the trace pass: see [`Self::find_blockers`].
     blockers: Vec<[DVec2; 2]>,
     lamp_form: DVec4,
     tolerance: f64,
@@ -217,7 +218,6 @@ impl<'e, 's> Sheet<'e, 's> {
         if sheet.lamp.is_empty() {
             return None;
         }
-        sheet.find_blockers();
         Some(sheet)
     }
 
@@ -283,14 +283,21 @@ impl<'e, 's> Sheet<'e, 's> {
         })
     }
 
+    /// The jump across the trace at a point of it, of a sheet that was not traced.
+    pub(crate) fn jump_alone(mut self, x: DVec3) -> f64 {
+        let s = self.trace.parameter(x);
+        self.find_blockers(s, s);
+        self.jump(x)
+    }
+
     /// The jump of the slope of irradiance across the trace at a point of it, per
-    /// unit of exitance: (J1) of `docs/design.md`.
+    /// unit of exitance: (J1) of `docs/design.md`. The blockers there must have been found.
     ///
     /// # Source
     ///
     /// A point of an edge at the distance ratio λ = |y−x|/|q−x| is projected to a
     /// point of the emitter that moves (1−λ) times as fast as x.
-    pub(crate) fn jump(&self, x: DVec3) -> f64 {
+    fn jump(&self, x: DVec3) -> f64 {
         let scene = self.evaluator.scene();
         let (receiver, lamp_face) = (scene.face(self.receiver), scene.face(self.emitter));
         let s = self.trace.parameter(x);
@@ -392,11 +399,26 @@ impl<'e, 's> Sheet<'e, 's> {
             .map(move |chord| Self::slopes(s, chord))
     }
 
-    fn find_blockers(&mut self) {
+    /// Finds the blockers of lines from a stretch of the trace to the emitter.
+    fn find_blockers(&mut self, from: f64, to: f64) {
         let scene = self.evaluator.scene();
         let (receiver, lamp) = (scene.face(self.receiver), scene.face(self.emitter));
-        let around = scene.positions(&receiver.outline).into_iter();
-        let bounds = Aabb::of(around.chain(self.lamp.iter().flatten().map(|&p| self.space(p))));
+        let strip = |points: &[DVec2]| Strip {
+            ends: [from, to].map(|s| (s, Self::slopes(s, points))),
+            slack: 16.0 * self.tolerance,
+        };
+        let lamps: SmallVec<[Strip; 2]> = self.lamp.iter().map(|l| strip(l)).collect();
+        let layers: SmallVec<[Strip; 2]> = self.layers.iter().map(|l| strip(l)).collect();
+        let is_in_way = |chord: [DVec2; 2]| {
+            layers.iter().all(|s| s.may_meet(chord)) && lamps.iter().any(|s| s.may_meet(chord))
+        };
+        self.blockers.clear();
+        let stretch = [from, to].into_iter().map(|s| self.trace.at(s));
+        let bounds = Aabb::of(stretch.chain(self.lamp.iter().flatten().map(|&p| self.space(p))));
+        let bounds = Aabb {
+            min: bounds.min - 4.0 * self.tolerance,
+            max: bounds.max + 4.0 * self.tolerance,
+        };
         let normal = self.trace.normal;
         let offset = normal.dot(self.trace.origin);
         let slack = 4.0 * self.tolerance;
@@ -435,7 +457,10 @@ impl<'e, 's> Sheet<'e, 's> {
             });
             let part = clip(&part, |x| self.flat(x).y - self.tolerance);
             if let [p, q] = part[..] {
-                self.blockers.push([self.flat(p), self.flat(q)]);
+                let chord = [self.flat(p), self.flat(q)];
+                if is_in_way(chord) {
+                    self.blockers.push(chord);
+                }
             }
         }
     }
@@ -487,6 +512,30 @@ impl<'e, 's> Sheet<'e, 's> {
             }
             seen.iter().any(|(from, to)| to - from > 1e-12)
         })
+    }
+}
+
+/// The lines from a stretch of the trace to the hull of some points.
+///
+/// The least slope to them is concave along the stretch, so the lines from its ends bound
+/// all others.
+struct Strip {
+    /// The ends of the stretch, with the least and the largest slope there.
+    ends: [(f64, (f64, f64)); 2],
+    slack: f64,
+}
+
+impl Strip {
+    /// Is a chord not wholly on one side of all lines?
+    ///
+    /// The left border is the lesser of two linear functions of the height, the right one
+    /// the larger: a chord is beyond one of them if its ends are.
+    fn may_meet(&self, chord: [DVec2; 2]) -> bool {
+        let left = |h: f64| self.ends.map(|(s, (low, _))| s + low * h);
+        let right = |h: f64| self.ends.map(|(s, (_, high))| s + high * h);
+        let is_left = |p: DVec2| left(p.y).iter().all(|&x| p.x < x - self.slack);
+        let is_right = |p: DVec2| right(p.y).iter().all(|&x| p.x > x + self.slack);
+        !(chord.iter().all(|&p| is_left(p)) || chord.iter().all(|&p| is_right(p)))
     }
 }
 
@@ -585,19 +634,25 @@ impl Tracer<'_, '_> {
             }
         };
         let mut crossings = Vec::new();
-        for corners in &self.loops {
-            let n = corners.len();
-            for i in 0..n {
-                let (a, b) = (corners[i], corners[(i + 1) % n]);
-                let (da, db) = (off(a), off(b));
-                if (da > 0.0) != (db > 0.0) {
-                    crossings.push(trace.parameter(a + (b - a) * (da / (da - db))));
-                }
+        for [a, b] in self.border_at(trace, self.tolerance) {
+            let (da, db) = (off(a), off(b));
+            if (da > 0.0) != (db > 0.0) {
+                crossings.push(trace.parameter(a + (b - a) * (da / (da - db))));
             }
         }
         crossings.sort_by(f64::total_cmp);
         let pairs = crossings.chunks_exact(2);
         Intervals::union(pairs.map(|pair| (pair[0], pair[1])).collect())
+    }
+
+    /// The receiver's border edges of which a point may be within a distance of a trace's
+    /// plane; all of them if they are few.
+    pub(crate) fn border_at(&self, trace: &Trace, distance: f64) -> SmallVec<[[DVec3; 2]; 16]> {
+        let (normal, offset) = (trace.normal, trace.normal.dot(trace.origin));
+        let slack = 2.0 * distance + self.tolerance;
+        self.border_of(self.receiver, |b| {
+            b.max_along(normal) >= offset - slack && -b.max_along(-normal) <= offset + slack
+        })
     }
 
     /// Pushes a segment for every interval.
@@ -619,7 +674,7 @@ impl Tracer<'_, '_> {
     /// The emitter's plane crosses the receiver.
     pub(crate) fn horizon(&mut self, shaft: &Shaft<'_>) {
         let sides = |t: f64| {
-            self.loops[0]
+            self.outline
                 .iter()
                 .any(|&x| shaft.lamp_height(x) * t > self.tolerance)
         };
@@ -650,7 +705,7 @@ impl Tracer<'_, '_> {
                 outline.iter().any(|x| side(x) > self.tolerance)
                     && outline.iter().any(|x| side(x) < -self.tolerance)
             };
-            if cuts(&shaft.lamp_hull) && cuts(&self.loops[0]) {
+            if cuts(&shaft.lamp_hull) && cuts(&self.outline) {
                 self.result.candidates[EventKind::Facet as usize] += 1;
                 self.coplanar(shaft, Event::FacetPlane(id));
             }
@@ -704,7 +759,7 @@ impl Tracer<'_, '_> {
         if self.stop.is_wanted() {
             return;
         }
-        let Some(sheet) = Sheet::of(self.evaluator, self.receiver, event, shaft.emitter) else {
+        let Some(mut sheet) = Sheet::of(self.evaluator, self.receiver, event, shaft.emitter) else {
             return;
         };
         let trace = sheet.trace;
@@ -727,6 +782,7 @@ impl Tracer<'_, '_> {
             }
             let within = Intervals::one(pair[0], pair[1]).intersect(&inside);
             for (from, to) in within.iter() {
+                sheet.find_blockers(from, to);
                 let mut active = sheet.seen(from, to, self.stop);
                 active.drop_shorter(self.contact_radius);
                 for (from, to) in active.iter() {

@@ -186,13 +186,12 @@ impl Tracer<'_, '_> {
     fn above(&self, shaft: &Shaft<'_>, features: &[Feature], lower: usize) -> Vec<u32> {
         let ends = features[lower].ends;
         let hull = Hull::of_edge_and_outline(ends, &shaft.lamp_hull, self.tolerance);
-        let mut edges: Vec<EdgeId> = Vec::new();
+        let mut pieces: Vec<u32> = Vec::new();
         let mut add = |id: u32| {
             let piece = &self.scene.pieces[id as usize];
             let corners = piece.vertices.iter().map(|&v| self.scene.position(v));
             if hull.meets(corners) {
-                let faces = self.scene.faces_of(id);
-                edges.extend(faces.flat_map(|face| self.adjacency.edges_of(face)));
+                pieces.push(id);
             }
         };
         if shaft.pieces.len() <= SHORT_LIST {
@@ -207,9 +206,9 @@ impl Tracer<'_, '_> {
                 },
             );
         }
-        edges.sort_unstable();
-        edges.dedup();
-        edges
+        let may_meet = |b: &Aabb| hull.meets_box(b);
+        self.adjacency
+            .edges_near(self.scene, pieces, may_meet)
             .into_iter()
             .filter_map(|e| features.binary_search_by(|f| f.edge.cmp(&e)).ok())
             .filter(|&k| k != lower)

@@ -40,7 +40,7 @@ pub fn jump_at(
         }
         Event::EmitterPlane(_) => slope_at_horizon(evaluator, receiver, emitter, x),
         event if event.kind().discontinuity() == Discontinuity::D1 => {
-            Sheet::of(evaluator, receiver, event, emitter).map(|sheet| sheet.jump(x))
+            Sheet::of(evaluator, receiver, event, emitter).map(|sheet| sheet.jump_alone(x))
         }
         event => jump_of_curvature(evaluator, receiver, emitter, event, x),
     }

@@ -1,10 +1,12 @@
 //! What may take part in an event between one receiver and one emitter.
 
 use crate::events::adjacency::Adjacency;
-use antumbra_geom::{Chart, point_in_polygon};
+use crate::events::border::Region;
 use antumbra_scene::{Aabb, EdgeId, Face, FaceId, Scene, VertexId};
-use glam::{DVec2, DVec3, DVec4};
+use glam::{DVec3, DVec4};
 use smallvec::SmallVec;
+use std::borrow::Cow;
+use std::cell::LazyCell;
 
 /// The features between a receiver and an emitter.
 pub(crate) struct Shaft<'s> {
@@ -12,7 +14,7 @@ pub(crate) struct Shaft<'s> {
     pub(crate) lamp: &'s Face,
     /// Form of the emitter's plane, positive on its front.
     pub(crate) lamp_form: DVec4,
-    pub(crate) lamp_region: Region,
+    pub(crate) lamp_region: Cow<'s, Region>,
     /// A convex outline in the emitter's plane that holds it.
     pub(crate) lamp_hull: Vec<DVec3>,
     /// A convex outline in the receiver's plane that holds it.
@@ -26,27 +28,6 @@ pub(crate) struct Shaft<'s> {
     pub(crate) edges: Vec<EdgeId>,
     /// Their ends, ascending.
     pub(crate) vertices: Vec<VertexId>,
-}
-
-/// A face in its own chart.
-pub(crate) struct Region {
-    chart: Chart,
-    loops: Vec<Vec<DVec2>>,
-}
-
-impl Region {
-    pub(crate) fn of(scene: &Scene, face: FaceId) -> Self {
-        let chart = scene.chart(face);
-        Self {
-            loops: scene.loops_in_chart(face, &chart),
-            chart,
-        }
-    }
-
-    /// Is a point of the face's plane inside of the face?
-    pub(crate) fn contains(&self, x: DVec3) -> bool {
-        point_in_polygon(self.chart.to_chart(x), self.loops.iter().map(Vec::as_slice))
-    }
 }
 
 /// The form of the plane through a point with this unit normal.
@@ -81,22 +62,20 @@ impl<'s> Shaft<'s> {
     /// * `pieces` — what stands between receiver and emitter, ascending.
     pub(crate) fn new(
         scene: &'s Scene,
-        adjacency: &Adjacency,
+        adjacency: &'s Adjacency,
         receiver: FaceId,
         emitter: FaceId,
         pieces: Vec<u32>,
     ) -> Self {
         let lamp = scene.face(emitter);
-        let mut faces: Vec<FaceId> = pieces.iter().flat_map(|&p| scene.faces_of(p)).collect();
-        faces.sort_unstable();
-        faces.dedup();
-        let mut edges: Vec<EdgeId> = faces
-            .iter()
-            .flat_map(|&f| adjacency.edges_of(f))
-            .copied()
-            .collect();
-        edges.sort_unstable();
-        edges.dedup();
+        let (lamp_hull, receiver_hull) =
+            (convex_hull(scene, emitter), convex_hull(scene, receiver));
+        let hull = LazyCell::new(|| {
+            Hull::of_outlines(&receiver_hull, &lamp_hull, scene.plane_tolerance())
+        });
+        let may_meet = |b: &Aabb| hull.meets_box(b);
+        let faces = adjacency.faces_near(scene, pieces.iter().copied(), may_meet);
+        let mut edges = adjacency.edges_near(scene, pieces.iter().copied(), may_meet);
         let mut lamp_vertices: Vec<VertexId> = lamp.loops().flatten().copied().collect();
         lamp_vertices.sort_unstable();
         lamp_vertices.dedup();
@@ -104,9 +83,9 @@ impl<'s> Shaft<'s> {
             emitter,
             lamp,
             lamp_form: form(lamp.normal, scene.position(lamp.outline[0])),
-            lamp_region: Region::of(scene, emitter),
-            lamp_hull: convex_hull(scene, emitter),
-            receiver_hull: convex_hull(scene, receiver),
+            lamp_region: adjacency.region(scene, emitter),
+            lamp_hull,
+            receiver_hull,
             lamp_vertices,
             lamp_edges: adjacency.edges_of(emitter).to_vec(),
             pieces,
@@ -217,6 +196,29 @@ impl Hull {
         Self {
             walls,
             bounds,
+            tolerance,
+        }
+    }
+
+    /// The hull of two convex outlines.
+    pub(crate) fn of_outlines(a: &[DVec3], b: &[DVec3], tolerance: f64) -> Self {
+        let all = || a.iter().chain(b).copied();
+        let mut walls: SmallVec<[(DVec3, f64); 16]> = SmallVec::new();
+        for outline in [a, b] {
+            if let [p, q, r, ..] = *outline {
+                walls.extend(supporting_plane([p, q, r], all(), tolerance));
+            }
+        }
+        for (edges, points) in [(a, b), (b, a)] {
+            for i in 0..edges.len() {
+                let (p, q) = (edges[i], edges[(i + 1) % edges.len()]);
+                let planes = points.iter().map(|&r| [p, q, r]);
+                walls.extend(planes.filter_map(|p| supporting_plane(p, all(), tolerance)));
+            }
+        }
+        Self {
+            walls,
+            bounds: Aabb::of(all()),
             tolerance,
         }
     }

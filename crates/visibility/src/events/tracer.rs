@@ -2,16 +2,18 @@
 
 use crate::evaluator::Evaluator;
 use crate::events::adjacency::Adjacency;
+use crate::events::border::{self, Region};
 use crate::events::curve::{CriticalCurve, CurveEnd, Shape};
 use crate::events::jump::{JUMP_PLACES, jump_at};
 use crate::events::roots::Quadratic;
-use crate::events::shaft::{Region, Shaft, form};
+use crate::events::shaft::{Shaft, form};
 use crate::events::swath::{MovingPoint, Swath, finite};
 use crate::events::{CriticalCurves, Event, EventKind, EventKinds};
 use antumbra_geom::Stop;
 use antumbra_scene::{Aabb, EdgeId, Face, FaceId, Scene, VertexId};
 use glam::{DVec3, DVec4};
 use smallvec::SmallVec;
+use std::borrow::Cow;
 
 /// A feature that all lines of a swath touch.
 #[derive(Clone, Debug)]
@@ -71,9 +73,9 @@ pub(crate) struct Tracer<'e, 's> {
     /// Form of the receiver's plane, positive on its front.
     pub(crate) form: DVec4,
     pub(crate) origin: DVec3,
-    /// Loops of the receiver.
-    pub(crate) loops: Vec<Vec<DVec3>>,
-    region: Region,
+    /// Outline of the receiver.
+    pub(crate) outline: Vec<DVec3>,
+    region: Cow<'e, Region>,
     bounds: Aabb,
     pub(crate) size: f64,
     pub(crate) contact_radius: f64,
@@ -102,25 +104,40 @@ impl<'e, 's> Tracer<'e, 's> {
     ) -> Self {
         let scene = evaluator.scene();
         let face = scene.face(receiver);
-        let loops: Vec<Vec<DVec3>> = face.loops().map(|l| scene.positions(l)).collect();
-        let bounds = Aabb::of(loops[0].iter().copied());
+        let outline = scene.positions(&face.outline);
+        let bounds = Aabb::of(outline.iter().copied());
+        let adjacency = evaluator.adjacency();
         Self {
             evaluator,
             scene,
-            adjacency: evaluator.adjacency(),
+            adjacency,
             receiver,
             face,
-            form: form(face.normal, loops[0][0]),
-            origin: loops[0][0],
+            form: form(face.normal, outline[0]),
+            origin: outline[0],
             size: (bounds.max - bounds.min).length(),
             bounds,
-            loops,
-            region: Region::of(scene, receiver),
+            outline,
+            region: adjacency.region(scene, receiver),
             contact_radius,
             tolerance: scene.plane_tolerance(),
             jumps: Jumps::Measured,
             result: CriticalCurves::default(),
             stop,
+        }
+    }
+
+    /// The border edges of a face, by the positions of their ends, in the order of its
+    /// loops; of a face with many those whose boxes may meet a query.
+    pub(crate) fn border_of(
+        &self,
+        face: FaceId,
+        may_meet: impl Fn(&Aabb) -> bool,
+    ) -> SmallVec<[[DVec3; 2]; 16]> {
+        let at = |e: [VertexId; 2]| e.map(|v| self.scene.position(v));
+        match self.adjacency.border(face) {
+            None => border::ends(self.scene, face).map(at).collect(),
+            Some(border) => border.near(may_meet).into_iter().map(at).collect(),
         }
     }
 
@@ -159,7 +176,7 @@ impl<'e, 's> Tracer<'e, 's> {
         }
         let lamp_outline = self.scene.positions(&lamp.outline);
         let Some(between) = self.evaluator.between(
-            &self.loops[0],
+            &self.outline,
             (self.face.normal, self.face.plane),
             &lamp_outline,
             (lamp.normal, lamp.plane),
@@ -377,9 +394,18 @@ impl<'e, 's> Tracer<'e, 's> {
         }
         add(swath.form_at_hit(shaft.lamp_form, self.form), Cause::Other);
         add(swath.weight_at_hit(self.form), Cause::Other);
-        for corners in &self.loops {
-            for i in 0..corners.len() {
-                let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
+        // A long border is looked up once it is known where the lines are.
+        let is_long = self.adjacency.border(self.receiver).is_some();
+        if is_long {
+            let hull = &shaft.receiver_hull;
+            for i in 0..hull.len() {
+                add(
+                    swath.side(hull[i], hull[(i + 1) % hull.len()]),
+                    Cause::Other,
+                );
+            }
+        } else {
+            for [a, b] in self.border_of(self.receiver, |_| true) {
                 add(swath.side(a, b), Cause::Other);
             }
         }
@@ -389,28 +415,23 @@ impl<'e, 's> Tracer<'e, 's> {
                 add(swath.side(a, b), Cause::Edge(e));
             }
         }
-        breaks.sort_by(|x, y| x.0.total_cmp(&y.0));
-        let mut parts: Vec<Part> = Vec::new();
-        let mut from = (0.0, causes[0]);
-        for to in breaks.into_iter().chain([(1.0, causes[1])]) {
-            if to.0 - from.0 <= SHORTEST {
-                continue;
-            }
-            if self.is_active(shaft, swath, generators, 0.5 * (from.0 + to.0)) {
-                match parts.last_mut() {
-                    Some(last) if last.to == from.0 => {
-                        last.to = to.0;
-                        last.causes[1] = to.1;
-                    }
-                    _ => parts.push(Part {
-                        from: from.0,
-                        to: to.0,
-                        causes: [from.1, to.1],
-                    }),
-                }
-            }
-            from = to;
-        }
+        let whole = Part {
+            from: 0.0,
+            to: 1.0,
+            causes,
+        };
+        let is_inside =
+            |t: f64| finite(swath.hit(self.form, t)).is_some_and(|x| self.region.contains(x));
+        let parts = active_parts(whole, breaks, |t| {
+            self.is_active(shaft, swath, generators, t) && (is_long || is_inside(t))
+        });
+        let parts: Vec<Part> = if is_long {
+            let inside =
+                |part: Part| active_parts(part, self.border_breaks(swath, part), is_inside);
+            parts.into_iter().flat_map(inside).collect()
+        } else {
+            parts
+        };
         for part in parts {
             if self.stop.is_wanted() {
                 return;
@@ -420,6 +441,49 @@ impl<'e, 's> Tracer<'e, 's> {
                 self.push_part(shaft, event, swath, generators, part, MOST_CUTS);
             }
         }
+    }
+
+    /// Where the lines of a part pass edges of a long border.
+    fn border_breaks(&self, swath: &Swath, part: Part) -> SmallVec<[(f64, Cause); 32]> {
+        let control = [
+            (part.from, part.from),
+            (part.from, part.to),
+            (part.to, part.to),
+        ]
+        .map(|(s, t)| swath.blossom(self.form, s, t));
+        let is_bounded = control.iter().all(|c| c.w > 0.0) || control.iter().all(|c| c.w < 0.0);
+        let points = control.map(|c| c.truncate() / c.w);
+        // The curve lies in the triangle of its control points: in its box, and between
+        // two lines along its chord.
+        let across = self
+            .face
+            .normal
+            .cross(points[2] - points[0])
+            .normalize_or_zero();
+        let along = points.map(|p| across.dot(p - self.origin));
+        let range = along.iter().fold((0.0f64, 0.0f64), |(lo, hi), &d| {
+            (lo.min(d - along[0]), hi.max(d - along[0]))
+        });
+        let offset = across.dot(self.origin) + along[0];
+        let slack = 4.0 * self.tolerance;
+        let bounds = Aabb::of(points);
+        let bounds = Aabb {
+            min: bounds.min - slack,
+            max: bounds.max + slack,
+        };
+        let edges = self.border_of(self.receiver, |b| {
+            !is_bounded
+                || b.meets(&bounds)
+                    && b.max_along(across) >= offset + range.0 - slack
+                    && -b.max_along(-across) <= offset + range.1 + slack
+        });
+        let changes = edges
+            .into_iter()
+            .flat_map(|[a, b]| swath.side(a, b).sign_changes());
+        changes
+            .filter(|&t| t > part.from && t < part.to)
+            .map(|t| (t, Cause::Other))
+            .collect()
     }
 
     /// Where the line runs in the plane of a face at generator k: there the face
@@ -469,7 +533,7 @@ impl<'e, 's> Tracer<'e, 's> {
         ])
     }
 
-    /// Is the line at t a critical one, other surfaces apart?
+    /// Is the line at t a critical one, the receiver's border and other surfaces apart?
     fn is_active(
         &self,
         shaft: &Shaft<'_>,
@@ -518,7 +582,7 @@ impl<'e, 's> Tracer<'e, 's> {
             }
         }
         let has_emitter = generators.iter().any(|g| g.is_emitter);
-        self.region.contains(x) && (has_emitter || shaft.lamp_region.contains(y))
+        has_emitter || shaft.lamp_region.contains(y)
     }
 
     /// The parts of a part that other surfaces block.
@@ -554,7 +618,7 @@ impl<'e, 's> Tracer<'e, 's> {
             let face = self.scene.face(piece.face);
             if face.plane == self.face.plane
                 || face.plane == shaft.lamp.plane
-                || self.scene.faces_of(id).any(|face| own.contains(&face))
+                || own.iter().any(|&face| self.scene.is_of(id, face))
             {
                 continue;
             }
@@ -886,6 +950,39 @@ pub(crate) fn pierces(
         right &= side < -least;
     }
     left || right
+}
+
+/// The parts of a part in which lines are active.
+///
+/// * `breaks` — where that changes, in any order; between two of them its middle tells.
+fn active_parts(
+    part: Part,
+    mut breaks: SmallVec<[(f64, Cause); 32]>,
+    is_active: impl Fn(f64) -> bool,
+) -> Vec<Part> {
+    breaks.sort_by(|x, y| x.0.total_cmp(&y.0));
+    let mut parts: Vec<Part> = Vec::new();
+    let mut from = (part.from, part.causes[0]);
+    for to in breaks.into_iter().chain([(part.to, part.causes[1])]) {
+        if to.0 - from.0 <= SHORTEST {
+            continue;
+        }
+        if is_active(0.5 * (from.0 + to.0)) {
+            match parts.last_mut() {
+                Some(last) if last.to == from.0 => {
+                    last.to = to.0;
+                    last.causes[1] = to.1;
+                }
+                _ => parts.push(Part {
+                    from: from.0,
+                    to: to.0,
+                    causes: [from.1, to.1],
+                }),
+            }
+        }
+        from = to;
+    }
+    parts
 }
 
 /// What is left of a part without others.
