@@ -165,8 +165,8 @@ pub(crate) fn radiosity_on(
     };
     let mut radiosity = RadiosityOptions {
         tolerance: match options.tolerance {
-            Tolerance::Relative(t) => t,
-            Tolerance::Absolute(t) => t / direct.largest().max(f64::MIN_POSITIVE),
+            Tolerance::Relative(t) => SHARE * t,
+            Tolerance::Absolute(t) => SHARE * t / direct.largest().max(f64::MIN_POSITIVE),
         },
         ..options.radiosity
     };
@@ -177,6 +177,9 @@ pub(crate) fn radiosity_on(
         evaluator, &receivers, direct, &radiosity, control,
     ))
 }
+
+/// What is gathered may be off by this share of the tolerance: meshes have the rest.
+const SHARE: f64 = 0.3;
 
 /// Direct light along the shadow boundaries, and interreflection from it.
 pub(crate) fn patches(

@@ -20,13 +20,25 @@ pub(crate) struct Portion {
 }
 
 /// What dealing asks of links.
+///
+/// An element is good enough if what it misses, and what the rule misses, is less than
+/// `each`: form factors of all add up to 1 at most, so that a point errs by no more. Or if it
+/// is seen so little that the point's irradiance changes by less than `link`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Demands {
-    /// An element is good enough if what it misses, and what the rule misses, change
-    /// the point's irradiance by less than this, relative to the peak.
+    /// Relative to the peak.
+    pub(crate) each: f64,
+    /// Relative to the peak.
     pub(crate) link: f64,
     /// Whole elements that miss more than this are to be divided.
     pub(crate) divide: f64,
+}
+
+impl Demands {
+    /// Is an error too large for something that is seen with this form factor?
+    fn are_missed_by(&self, error: f64, factor: f64) -> bool {
+        error > self.each && factor * error > self.link
+    }
 }
 
 /// Deals fragments out for one point.
@@ -168,10 +180,10 @@ impl Dealer<'_> {
             }
             return;
         }
-        if !element.is_divided() && missed > self.demands.divide {
+        if !element.is_divided() && factor * missed > self.demands.divide {
             self.too_coarse.push(e);
         }
-        self.error += missed;
+        self.error += factor * missed;
         let mut weights = [0.0; N];
         // A fan around the corner nearest to the point: where the element touches the
         // point, other fans have triangles that span half of the sky.
@@ -213,8 +225,8 @@ impl Dealer<'_> {
         // The rule misses no more than what values vary by over the part.
         let varies = (size / element.longest).min(1.0);
         let rule = (RULE_ERROR * ratio * ratio).min(0.5) * varies;
-        let missed = factor * self.forest.largest[e as usize] * rule;
-        if ratio > NEAR && missed > self.demands.link && depth < DEEPEST {
+        let missed = self.forest.largest[e as usize] * rule;
+        if ratio > NEAR && depth < DEEPEST && self.demands.are_missed_by(missed, factor) {
             let (ab, bc, ca) = ((a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0);
             for part in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
                 let factor = contour_sum(&part, self.normal);
@@ -222,7 +234,7 @@ impl Dealer<'_> {
             }
             return;
         }
-        self.error += missed;
+        self.error += factor * missed;
         let facing = self.forest.sides[element.side as usize].normal;
         let (mut sum, mut of_nodes) = (0.0, [0.0; N]);
         for (at, weight) in RULE {

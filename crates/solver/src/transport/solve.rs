@@ -81,8 +81,11 @@ pub struct Radiosity {
     tolerance: f64,
 }
 
-/// Links may change what a node gathers by this share of the tolerance.
-const LINK: f64 = 0.1;
+/// Elements may miss this share of the tolerance for any point.
+const EACH: f64 = 0.5;
+
+/// Links may change what a node gathers by this share of the tolerance whatever they miss.
+const LINK: f64 = 0.05;
 
 /// Elements are divided for a point that they give an error above this share of the
 /// tolerance.
@@ -164,6 +167,7 @@ struct Work<'a, 'e, 's> {
 impl Work<'_, '_, '_> {
     fn demands(&self) -> Demands {
         Demands {
+            each: EACH * self.options.tolerance,
             link: LINK * self.options.tolerance,
             divide: DIVIDE * self.options.tolerance,
         }
@@ -286,7 +290,7 @@ impl Work<'_, '_, '_> {
     fn allowed(&self, e: u32) -> f64 {
         let extent = self.evaluator.scene().extent;
         let size = self.forest.elements[e as usize].longest / extent;
-        env("COARSE",COARSE) * self.options.tolerance * (env("SMALL",SMALL) / size).max(1.0)
+        env("COARSE", COARSE) * self.options.tolerance * (env("SMALL", SMALL) / size).max(1.0)
     }
 
     /// Receiving elements that are to be divided.
@@ -392,9 +396,9 @@ impl Radiosity {
         let gathering = Gathering {
             evaluator,
             forest: &self.forest,
-            allowed: env("GATHERED",GATHERED) * self.tolerance,
+            allowed: env("GATHERED", GATHERED) * self.tolerance,
             demands: Demands {
-                link: env("GATHERED",GATHERED) * LINK * self.tolerance,
+                link: env("GATHERED", GATHERED) * LINK * self.tolerance,
                 divide: f64::INFINITY,
             },
         };
@@ -413,4 +417,9 @@ impl Radiosity {
 /// What is gathered may err by this share of the tolerance in its links and cut-off.
 const GATHERED: f64 = 0.3;
 
-fn env(n:&str,d:f64)->f64{ std::env::var(n).ok().and_then(|v|v.parse().ok()).unwrap_or(d)}
+fn env(n: &str, d: f64) -> f64 {
+    std::env::var(n)
+        .ok()
+        .and_then(|v| v.parse().ok())
+        .unwrap_or(d)
+}
