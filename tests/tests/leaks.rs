@@ -5,6 +5,7 @@
 //! 1e-16 of its size, and so is a node on a contact, which stands on a pixel.
 
 use antumbra::scene::FaceId;
+use antumbra::visibility::{Approach, MapScratch, Place as MapPlace};
 use antumbra::{Control, Ended, Evaluator, ExactLight, Options, SceneInput, Scratch, Tolerance};
 use antumbra_tests::cases::{build, fixture};
 use antumbra_tests::motion::Motion;
@@ -557,6 +558,62 @@ fn points_of_closed_rooms_with_warped_walls_are_dark() {
                     assert!(
                         e <= ROUNDING + fold * fold,
                         "warped by {amount:e}, seed {seed}: {e:e} at {d:e} from the border"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// All that a visibility map shows in a closed room is the room: not the sky, nor any face
+/// beyond it, at points and limits at any distance from the border.
+#[test]
+fn maps_of_closed_rooms_show_nothing_else() {
+    for amount in WARPS.into_iter().chain([0.0]) {
+        for seed in 0..12 {
+            let mut room = warped_room(amount, seed);
+            add_lamps_outside(&mut room);
+            let pose = poses_of_rooms()[seed as usize % 3];
+            let scene = build(&pose.scene(&room));
+            let evaluator = Evaluator::new(&scene);
+            let mut scratch = MapScratch::default();
+            let mut random = SplitMix::new(seed);
+            let is_room = |face| scene.surface_of(face).name.starts_with("room");
+            for face in scene.face_ids().filter(|&face| is_room(face)) {
+                let corners = scene.positions(&scene.face(face).outline);
+                let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
+                for k in 0..60 {
+                    let i = k % corners.len();
+                    let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
+                    let on_border = a.lerp(b, random.unit());
+                    let is_limit = k % 3 == 0;
+                    let away = 10f64.powf(-10.0 * random.unit());
+                    let approach = is_limit.then(|| Approach {
+                        toward: scene.face(face).normal.cross(b - a).normalize_or_zero(),
+                        radius: 1e-8 * scene.extent,
+                    });
+                    let map_place = MapPlace {
+                        point: on_border.lerp(middle, if is_limit { 0.0 } else { away }),
+                        normal: scene.face(face).normal,
+                        plane: Some(scene.face(face).plane),
+                        approach,
+                    };
+                    let mut beyond = 0.0;
+                    let totals = evaluator.visible_faces(&map_place, 0.0, &mut scratch, |part| {
+                        beyond += if is_room(part.face) { 0.0 } else { part.factor };
+                    });
+                    beyond += totals.sky;
+                    let d = map_place.point.distance(on_border);
+                    // Folds as above, with all that is beyond them and not lamps alone; a
+                    // limit is as if all that touches the point went through it.
+                    let allowed = match (amount, approach) {
+                        (0.0, _) if d == 0.0 || d > 1e-7 => 0.0,
+                        (_, Some(_)) => 1e-11,
+                        (_, None) => ROUNDING + (2e-14 / d).powi(2),
+                    };
+                    assert!(
+                        beyond <= allowed,
+                        "warped by {amount:e}, seed {seed}: {beyond:e} at {map_place:?}"
                     );
                 }
             }

@@ -5,9 +5,10 @@ use antumbra::scene::{FaceId, Piece};
 use antumbra::visibility::{
     Approach, MapScratch, MapTotals, Place, Shape, Source, contour_sum, critical_curves,
 };
-use antumbra::{Control, Evaluator, EventKind, EventKinds, Scene, Scratch};
-use antumbra_tests::cases::{fixture, fixtures, json_files};
+use antumbra::{Control, Evaluator, EventKind, EventKinds, Scene, SceneInput, Scratch};
+use antumbra_tests::cases::{build, fixture, fixtures, json_files};
 use antumbra_tests::random::SplitMix;
+use antumbra_tests::scenes::{Facing, add_horizontal, empty};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -149,7 +150,7 @@ fn look(
             factors[emitter] += part.factor;
         }
     });
-    (factors, sum + totals.sky, totals)
+    (factors, sum + totals.sky + totals.slits, totals)
 }
 
 /// The factor of each emitter by exact evaluations, one after the other.
@@ -186,8 +187,9 @@ fn one_by_one(evaluator: &Evaluator<'_>, place: &Place, scratch: &mut Scratch) -
 fn allowed(scene: &Scene, emitter: FaceId, place: &Place) -> f64 {
     let plane = scene.planes[scene.face(emitter).plane.index()];
     let radius = place.approach.map_or(0.0, |a| a.radius);
-    let touches = plane.distance(place.point).abs() <= radius;
-    1e-13 + radius * if touches { 1e3 } else { 2.0 }
+    let height = plane.distance(place.point).abs();
+    // A step of the radius turns an emitter as near as that by any angle.
+    1e-13 + radius * (2.0 / height.max(1e-30)).clamp(2.0, 1e3)
 }
 
 /// Laws of the map at some places: parts and sky are 1, and emitters have their factors.
@@ -249,6 +251,84 @@ fn parts_and_sky_are_one_and_emitters_have_their_factors() {
 #[ignore = "10,000 points of every fixture: a minute in a release build"]
 fn parts_and_sky_are_one_and_emitters_have_their_factors_at_many_points() {
     laws_hold_at(10_000);
+}
+
+/// What a free sensor at the origin sees above: the names of surfaces, whether their front
+/// or their back, whether of a back's own face, and the factor.
+fn seen_from_origin(input: &SceneInput) -> Vec<(String, bool, bool, f64)> {
+    let scene = build(input);
+    let evaluator = Evaluator::new(&scene);
+    let place = Place {
+        point: scene.frame.to_scene(DVec3::ZERO),
+        normal: DVec3::Z,
+        plane: None,
+        approach: None,
+    };
+    let mut seen: Vec<(String, bool, bool, f64)> = Vec::new();
+    evaluator.visible_faces(&place, 0.0, &mut MapScratch::default(), |part| {
+        let name = &scene.surface_of(part.face).name;
+        let is_back = scene.face(part.face).is_back;
+        match seen.iter_mut().find(|s| s.0 == *name) {
+            Some(known) => {
+                assert_eq!((known.1, known.2), (part.shows_front, is_back));
+                known.3 += part.factor;
+            }
+            None => seen.push((name.clone(), part.shows_front, is_back, part.factor)),
+        }
+    });
+    seen.sort_by(|a, b| a.0.cmp(&b.0));
+    seen
+}
+
+const SQUARE: ([f64; 2], [f64; 2], f64) = ([-1.0, 1.0], [-1.0, 1.0], 1.0);
+
+#[test]
+fn one_sided_faces_show_their_back_and_two_sided_ones_have_a_face_there() {
+    let mut scene = empty();
+    add_horizontal(&mut scene, "plate", "grey", SQUARE, Facing::Up);
+    let seen = seen_from_origin(&scene);
+    assert!(matches!(seen[..], [(_, false, false, f)] if (f - 0.553_963_6).abs() < 1e-3));
+    scene.materials[0].two_sided = true;
+    let seen = seen_from_origin(&scene);
+    assert!(matches!(seen[..], [(_, true, true, _)]));
+}
+
+#[test]
+fn emitters_are_seen_where_they_overlap_others_in_their_plane() {
+    let mut scene = empty();
+    add_horizontal(&mut scene, "ceiling", "grey", SQUARE, Facing::Down);
+    add_horizontal(&mut scene, "above", "grey", SQUARE, Facing::Up);
+    let lamp = ([-0.5, 0.25], [-0.5, 0.75], 1.0);
+    add_horizontal(&mut scene, "panel", "lamp", lamp, Facing::Down);
+    let seen = seen_from_origin(&scene);
+    let names: Vec<&str> = seen.iter().map(|s| s.0.as_str()).collect();
+    assert_eq!(
+        names,
+        ["ceiling", "panel"],
+        "and nothing of the floor above"
+    );
+    let mut alone = empty();
+    add_horizontal(&mut alone, "panel", "lamp", lamp, Facing::Down);
+    let whole = seen_from_origin(&alone)[0].3;
+    assert!((seen[1].3 - whole).abs() < 1e-15);
+}
+
+#[test]
+fn facets_of_a_wall_have_the_factors_that_they_have_alone() {
+    let corner = |k: u32| -1.0 + 2.0 * f64::from(k) / 6.0;
+    let mut tiled = empty();
+    for k in 0..36 {
+        let (i, j) = (k % 6, k / 6);
+        let sides = ([corner(i), corner(i + 1)], [corner(j), corner(j + 1)], 1.0);
+        add_horizontal(&mut tiled, &format!("{k:02}"), "grey", sides, Facing::Down);
+    }
+    let seen = seen_from_origin(&tiled);
+    assert_eq!(seen.len(), 36);
+    for (k, seen) in seen.iter().enumerate() {
+        let mut alone = empty();
+        alone.surfaces.push(tiled.surfaces[k].clone());
+        assert!((seen.3 - seen_from_origin(&alone)[0].3).abs() < 1e-15);
+    }
 }
 
 #[test]

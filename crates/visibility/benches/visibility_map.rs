@@ -3,6 +3,11 @@
 //! A street is a square of buildings, each of four walls and a roof in some tiles, on a
 //! ground of tiles; points are on the ground and on walls.
 
+#![expect(
+    clippy::print_stdout,
+    reason = "the counts of the work stand beside the times"
+)]
+
 use antumbra_scene::{FaceId, MaterialInput, Scene, SceneInput, SurfaceInput};
 use antumbra_visibility::{Evaluator, MapScratch, MapTotals, Place};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};

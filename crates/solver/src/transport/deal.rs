@@ -63,7 +63,7 @@ const NOTHING: f64 = 1e-13;
 /// The rule of seven points misses about this times the fourth power of size over distance.
 const RULE_ERROR: f64 = 0.05;
 
-/// Parts nearer than twice their size are divided for the rule, no more often than this.
+/// Parts are divided for the rule no more often than this.
 const DEEPEST: u32 = 7;
 
 /// A fragment of which less than this share is found in elements lies beside them all: it
@@ -155,17 +155,18 @@ impl Dealer<'_> {
         }
         let of = e as usize;
         let ratio = nearness(part);
-        let rule = factor * forest.largest[of] * (RULE_ERROR * ratio * ratio).min(0.5);
+        let rule = forest.largest[of] * (RULE_ERROR * ratio * ratio).min(0.5);
         // What a polynomial misses is orthogonal to it: seen whole from afar, it cancels.
         let cancels = if is_whole {
             (0.5 * ratio).min(1.0)
         } else {
             1.0
         };
-        let missed = factor * forest.missed[of] * cancels;
+        let missed = forest.missed[of] * cancels;
         let element = &forest.elements[of];
-        let is_near = rule > self.demands.link && ratio > NEAR;
-        if element.is_divided() && (missed > self.demands.link || is_near) {
+        let is_too_coarse = self.demands.are_missed_by(rule, factor)
+            || self.demands.are_missed_by(missed, factor);
+        if element.is_divided() && is_too_coarse {
             for quarter in element.quarters..element.quarters + 4 {
                 if is_whole {
                     let corners = forest.elements[quarter as usize].corners;
@@ -226,7 +227,7 @@ impl Dealer<'_> {
         let varies = (size / element.longest).min(1.0);
         let rule = (RULE_ERROR * ratio * ratio).min(0.5) * varies;
         let missed = self.forest.largest[e as usize] * rule;
-        if ratio > NEAR && depth < DEEPEST && self.demands.are_missed_by(missed, factor) {
+        if depth < DEEPEST && self.demands.are_missed_by(missed, factor) {
             let (ab, bc, ca) = ((a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0);
             for part in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
                 let factor = contour_sum(&part, self.normal);
@@ -270,9 +271,6 @@ impl Portion {
 
 /// Sides with no more roots than this need no search for them.
 const FEW_ROOTS: usize = 4;
-
-/// Squared size over squared distance above which the rule is not trusted.
-const NEAR: f64 = 0.25;
 
 /// The nearest coordinates inside of the triangle, about.
 fn inside_of(at: [f64; 3]) -> [f64; 3] {

@@ -86,6 +86,8 @@ pub(crate) struct Forest {
     pub(crate) missed: Vec<f64>,
     /// The part of it that is direct light's.
     missed_direct: Vec<f64>,
+    /// What is reflected of the measured error of indirect light, relative to the peak.
+    doubt: Vec<f64>,
 }
 
 /// Triangles smaller than this share of their face hold nothing.
@@ -108,6 +110,7 @@ impl Forest {
             largest: Vec::new(),
             missed: Vec::new(),
             missed_direct: Vec::new(),
+            doubt: Vec::new(),
         };
         for (s, receiver) in receivers.iter().enumerate() {
             let face = scene.face(receiver.face);
@@ -218,6 +221,7 @@ impl Forest {
         self.reflected.resize(n * N * self.n_bands, 0.0);
         self.largest.resize(n, 0.0);
         self.missed.resize(n, 0.0);
+        self.doubt.resize(n, 0.0);
     }
 
     /// Divides elements that are whole into four; those that are divided stay.
@@ -293,6 +297,30 @@ impl Forest {
         }
     }
 
+    /// Takes in what was measured of the errors of indirect light in receiving elements,
+    /// relative to the peak; those below them share it.
+    pub(crate) fn doubt(&mut self, measured: impl Fn(u32) -> f64) {
+        let mut inherited = vec![None; self.elements.len()];
+        for e in 0..self.elements.len() {
+            let element = &self.elements[e];
+            let own = element.is_receiving.then(|| {
+                let reflectance = self.sides[element.side as usize].reflectance.iter();
+                reflectance.copied().fold(0.0, f64::max) * measured(e as u32)
+            });
+            let doubt = own.or(inherited[e]);
+            if element.is_divided() {
+                let first = element.quarters as usize;
+                inherited[first..first + 4].fill(doubt);
+            }
+            self.doubt[e] = doubt.unwrap_or(0.0);
+        }
+    }
+
+    /// Is it indirect light that an element may err by?
+    pub(crate) fn errs_indirectly(&self, e: u32) -> bool {
+        self.doubt[e as usize] > self.missed_direct[e as usize]
+    }
+
     /// Measures how large the elements' values are, and what their polynomials miss.
     pub(crate) fn measure(&mut self) {
         let (width, n_bands) = (N * self.n_bands, self.n_bands);
@@ -303,7 +331,7 @@ impl Forest {
             let own = &self.reflected[e * width..(e + 1) * width];
             let values = own.iter().enumerate().map(|(at, &v)| relative(at, v));
             self.largest[e] = values.fold(0.0, f64::max);
-            self.missed[e] = self.missed_direct[e];
+            self.missed[e] = self.missed_direct[e] + self.doubt[e];
             let element = &self.elements[e];
             if !element.is_divided() {
                 continue;
@@ -436,6 +464,7 @@ impl Forest {
             largest: Vec::new(),
             missed: Vec::new(),
             missed_direct: Vec::new(),
+            doubt: Vec::new(),
         }
     }
 }

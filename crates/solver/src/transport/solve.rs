@@ -111,9 +111,9 @@ const MOST_ROUNDS: usize = 12;
 /// Where interpolation is looked at.
 const CHECKS: [[f64; 3]; 4] = [
     [1.0 / 3.0; 3],
-    [0.48, 0.48, 0.04],
-    [0.04, 0.48, 0.48],
-    [0.48, 0.04, 0.48],
+    [0.49, 0.49, 0.02],
+    [0.02, 0.49, 0.49],
+    [0.49, 0.02, 0.49],
 ];
 
 /// Before anything is known of it, indirect light is taken to be this share of the mean of
@@ -209,12 +209,15 @@ impl Work<'_, '_, '_> {
             self.forest.measure();
             result.reached = Reached::Unfinished;
             result.n_elements = receiving.len();
-            let Some(worst) = self.look(&receiving, stop) else {
+            let Some((worst, mut too_coarse)) = self.look(&receiving, stop) else {
                 break;
             };
             result.interpolation_error = worst;
-            let divided = self.to_divide(&receiving);
-            let wanted = made.too_coarse.len() + divided.len();
+            too_coarse.extend(made.too_coarse);
+            too_coarse.sort_unstable();
+            too_coarse.dedup();
+            let divided = self.to_divide(&receiving, &too_coarse);
+            let wanted = too_coarse.len() + divided.len();
             if wanted == 0
                 || round + 1 == MOST_ROUNDS
                 || self.forest.elements.len() + 4 * wanted > self.options.most_elements
@@ -222,7 +225,7 @@ impl Work<'_, '_, '_> {
                 result.reached = Reached::Finished;
                 break;
             }
-            self.divide(&made.too_coarse, &divided);
+            self.divide(&too_coarse, &divided);
         }
         result
     }
@@ -265,39 +268,54 @@ impl Work<'_, '_, '_> {
         (sweeps, change)
     }
 
-    /// Looks at how elements are interpolated that were not looked at before; the largest
-    /// error of all, relative to the peak. Nothing if it was stopped.
-    fn look(&mut self, receiving: &[u32], stop: Stop<'_>) -> Option<f64> {
-        self.errors
-            .resize(self.forest.elements.len(), f64::INFINITY);
-        let is_new = |&e: &u32| self.errors[e as usize] > self.allowed(e);
-        let todo: Vec<u32> = receiving.iter().copied().filter(is_new).collect();
+    /// Looks at how elements are interpolated that were not looked at before: the largest
+    /// error of all, relative to the peak, and elements that are too coarse for a point
+    /// between nodes. Nothing if it was stopped.
+    fn look(&mut self, receiving: &[u32], stop: Stop<'_>) -> Option<(f64, Vec<u32>)> {
+        self.errors.resize(self.forest.elements.len(), f64::INFINITY);
+        let is_due = |&e: &u32| self.errors[e as usize] > self.options.tolerance;
+        let todo: Vec<u32> = receiving.iter().copied().filter(is_due).collect();
         let gathering = self.gathering();
-        let found: Vec<Option<f64>> = todo
+        let found: Vec<Option<(f64, Vec<u32>)>> = todo
             .par_iter()
             .map_init(GatherScratch::default, |scratch, &e| {
-                (!stop.is_wanted()).then(|| error_of(&gathering, e, scratch))
+                if stop.is_wanted() {
+                    return None;
+                }
+                scratch.too_coarse.clear();
+                let error = error_of(&gathering, e, scratch);
+                Some((error, scratch.too_coarse.clone()))
             })
             .collect();
+        let mut too_coarse = Vec::new();
         for (e, found) in todo.into_iter().zip(found) {
-            self.errors[e as usize] = found?;
+            let (error, coarse) = found?;
+            self.errors[e as usize] = error;
+            too_coarse.extend(coarse);
         }
-        let errors = receiving.iter().map(|&e| self.errors[e as usize]);
-        Some(errors.fold(0.0, f64::max))
+        let errors = &self.errors;
+        self.forest.doubt(|e| errors[e as usize]);
+        self.forest.measure();
+        let all = receiving.iter().map(|&e| errors[e as usize]);
+        Some((all.fold(0.0, f64::max), too_coarse))
     }
 
-    /// The error of interpolation that an element may have, relative to the peak.
+    /// The error of interpolation that an element may have whoever sees it, relative to the
+    /// peak.
     fn allowed(&self, e: u32) -> f64 {
         let extent = self.evaluator.scene().extent;
         let size = self.forest.elements[e as usize].longest / extent;
         env("COARSE", COARSE) * self.options.tolerance * (env("SMALL", SMALL) / size).max(1.0)
     }
 
-    /// Receiving elements that are to be divided.
-    fn to_divide(&self, receiving: &[u32]) -> Vec<u32> {
+    /// Receiving elements that are to be divided: that err too much for anybody, or for
+    /// those who see them.
+    fn to_divide(&self, receiving: &[u32], too_coarse: &[u32]) -> Vec<u32> {
         let extent = self.evaluator.scene().extent;
         let is_above = |&e: &u32| {
-            self.errors[e as usize] > self.allowed(e)
+            let is_missed =
+                too_coarse.binary_search(&e).is_ok() && self.forest.errs_indirectly(e);
+            (is_missed || self.errors[e as usize] > self.allowed(e))
                 && self.forest.elements[e as usize].longest > SMALLEST * extent
         };
         receiving.iter().copied().filter(is_above).collect()
@@ -398,6 +416,7 @@ impl Radiosity {
             forest: &self.forest,
             allowed: env("GATHERED", GATHERED) * self.tolerance,
             demands: Demands {
+                each: env("GATHERED", GATHERED) * EACH * self.tolerance,
                 link: env("GATHERED", GATHERED) * LINK * self.tolerance,
                 divide: f64::INFINITY,
             },

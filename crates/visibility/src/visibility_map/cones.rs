@@ -26,6 +26,8 @@ pub(super) struct Side {
     pub(super) normal: DVec3,
     /// What is below it by more than this along `normal`, relative to the point, is outside.
     pub(super) margin: f64,
+    /// Directions this near to it are on it, by rounding.
+    tolerance: f64,
     /// The same for places in space.
     least: f64,
     /// Absolute values of the normal.
@@ -39,6 +41,7 @@ impl Side {
         Self {
             normal: half.normal,
             margin,
+            tolerance: half.tolerance,
             least: half.normal.dot(point) - margin,
             width: half.normal.abs(),
         }
@@ -50,6 +53,10 @@ impl Side {
         self.normal.dot(block.middle) + self.width.dot(block.half) > self.least
     }
 }
+
+/// What comes in between two sides of this many tolerances is not known to come in: each is
+/// known to one, and so are the ends of the cut along each.
+const SLIT: f64 = 4.0;
 
 /// A convex cone: its corners, counter-clockwise as seen from the point, and the side from
 /// each corner to the next.
@@ -70,6 +77,14 @@ impl Cone {
     pub(super) fn clear(&mut self) {
         self.corners.clear();
         self.sides.clear();
+    }
+
+    /// Is it no wider than what is not known of one of its sides?
+    pub(super) fn is_slit(&self) -> bool {
+        self.sides.iter().any(|side| {
+            let widest = SLIT * side.tolerance;
+            self.corners.iter().all(|c| side.normal.dot(*c) <= widest)
+        })
     }
 
     /// A direction inside.

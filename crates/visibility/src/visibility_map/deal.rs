@@ -36,17 +36,18 @@ impl Dealer {
     /// factors. An ended cone goes to the share in its middle.
     ///
     /// * `rounding` — of corners; scene units.
+    /// * `factor` — form factor of the cone.
     pub(super) fn deal(
         &mut self,
         screens: &Screens,
         (place, rounding): (&Place, f64),
-        (seen, cone): (&Seen, &Cone),
+        (seen, cone, factor): (&Seen, &Cone, f64),
         is_ended: bool,
         visit: &mut impl FnMut(VisiblePart<'_>),
     ) -> f64 {
         let shares = screens.shares(seen.screen, seen.shows_front);
         if let [only] = shares {
-            return self.give(place, (seen, cone), only, is_ended, visit);
+            return self.give(place, (seen, cone, factor), only, is_ended, visit);
         }
         let middle = cone.middle();
         let ray = Ray::new(place.point, middle, 64.0 * rounding);
@@ -70,7 +71,7 @@ impl Dealer {
                 })
             });
             let share = share.unwrap_or(&shares[last as usize]);
-            self.give(place, (seen, cone), share, true, visit)
+            self.give(place, (seen, cone, factor), share, true, visit)
         } else {
             let mut sum = 0.0;
             self.put(cone);
@@ -84,7 +85,7 @@ impl Dealer {
                 }
             }
             while let Some(rest) = self.open.pop() {
-                sum += self.give(place, (seen, &rest), &shares[last as usize], false, visit);
+                sum += self.give_part(place, (seen, &rest), &shares[last as usize], visit);
                 self.spare.push(rest);
             }
             sum
@@ -147,9 +148,9 @@ impl Dealer {
                     self.left.push(cone);
                     continue;
                 }
-                Inside::Whole => sum += self.give(place, (seen, &cone), share, false, visit),
+                Inside::Whole => sum += self.give_part(place, (seen, &cone), share, visit),
                 Inside::Part => {
-                    sum += self.give(place, (seen, peeler.rest()), share, false, visit);
+                    sum += self.give_part(place, (seen, peeler.rest()), share, visit);
                     for (piece, _) in peeler.pieces() {
                         let mut left = self.spare.pop().unwrap_or_default();
                         left.assign(&piece.corners, &piece.sides);
@@ -170,15 +171,26 @@ impl Dealer {
         self.open.push(open);
     }
 
-    fn give(
+    fn give_part(
         &mut self,
         place: &Place,
         (seen, cone): (&Seen, &Cone),
         share: &Share,
-        is_ended: bool,
         visit: &mut impl FnMut(VisiblePart<'_>),
     ) -> f64 {
         let factor = contour_sum(&cone.corners, place.normal);
+        self.give(place, (seen, cone, factor), share, false, visit)
+    }
+
+    /// Tells of a part; returns its factor.
+    fn give(
+        &mut self,
+        place: &Place,
+        (seen, cone, factor): (&Seen, &Cone, f64),
+        share: &Share,
+        is_ended: bool,
+        visit: &mut impl FnMut(VisiblePart<'_>),
+    ) -> f64 {
         self.fragment.clear();
         let on_plane = |&direction: &DVec3| place.point + seen.foot(direction, place);
         self.fragment.extend(cone.corners.iter().map(on_plane));

@@ -70,6 +70,10 @@ pub struct VisiblePart<'a> {
 pub struct MapTotals {
     /// Form factor of the directions in which nothing is seen.
     pub sky: f64,
+    /// Form factor of cones that are no wider than what is not known of their sides: the
+    /// rounding of an edge by its distance. Nothing is said to be seen there, or closed
+    /// rooms would not be dark.
+    pub slits: f64,
     /// Form factor of cones that were ended early: what is seen there is that of one
     /// direction in each.
     pub ended: f64,
