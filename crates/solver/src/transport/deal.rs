@@ -164,8 +164,8 @@ impl Dealer<'_> {
         };
         let missed = forest.missed[of] * cancels;
         let element = &forest.elements[of];
-        let is_too_coarse = self.demands.are_missed_by(rule, factor)
-            || self.demands.are_missed_by(missed, factor);
+        let is_too_coarse =
+            self.demands.are_missed_by(rule, factor) || self.demands.are_missed_by(missed, factor);
         if element.is_divided() && is_too_coarse {
             for quarter in element.quarters..element.quarters + 4 {
                 if is_whole {

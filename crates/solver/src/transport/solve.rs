@@ -91,9 +91,9 @@ const LINK: f64 = 0.05;
 /// tolerance.
 const DIVIDE: f64 = 0.5;
 
-/// The coarse solution is refined where it is interpolated worse than this many tolerances:
-/// what is gathered from it is several times better.
-const COARSE: f64 = 3.0;
+/// The coarse solution is refined where it is interpolated worse than this many tolerances,
+/// and wherever somebody sees so much of an element that it matters to them.
+const COARSE: f64 = 1.0;
 
 /// Elements smaller than this share of the scene may err more, in proportion to their size:
 /// they are seen by little but themselves.
@@ -272,7 +272,8 @@ impl Work<'_, '_, '_> {
     /// error of all, relative to the peak, and elements that are too coarse for a point
     /// between nodes. Nothing if it was stopped.
     fn look(&mut self, receiving: &[u32], stop: Stop<'_>) -> Option<(f64, Vec<u32>)> {
-        self.errors.resize(self.forest.elements.len(), f64::INFINITY);
+        self.errors
+            .resize(self.forest.elements.len(), f64::INFINITY);
         let is_due = |&e: &u32| self.errors[e as usize] > self.options.tolerance;
         let todo: Vec<u32> = receiving.iter().copied().filter(is_due).collect();
         let gathering = self.gathering();
@@ -305,7 +306,7 @@ impl Work<'_, '_, '_> {
     fn allowed(&self, e: u32) -> f64 {
         let extent = self.evaluator.scene().extent;
         let size = self.forest.elements[e as usize].longest / extent;
-        env("COARSE", COARSE) * self.options.tolerance * (env("SMALL", SMALL) / size).max(1.0)
+        COARSE * self.options.tolerance * (SMALL / size).max(1.0)
     }
 
     /// Receiving elements that are to be divided: that err too much for anybody, or for
@@ -313,8 +314,7 @@ impl Work<'_, '_, '_> {
     fn to_divide(&self, receiving: &[u32], too_coarse: &[u32]) -> Vec<u32> {
         let extent = self.evaluator.scene().extent;
         let is_above = |&e: &u32| {
-            let is_missed =
-                too_coarse.binary_search(&e).is_ok() && self.forest.errs_indirectly(e);
+            let is_missed = too_coarse.binary_search(&e).is_ok() && self.forest.errs_indirectly(e);
             (is_missed || self.errors[e as usize] > self.allowed(e))
                 && self.forest.elements[e as usize].longest > SMALLEST * extent
         };
@@ -414,10 +414,10 @@ impl Radiosity {
         let gathering = Gathering {
             evaluator,
             forest: &self.forest,
-            allowed: env("GATHERED", GATHERED) * self.tolerance,
+            allowed: GATHERED * self.tolerance,
             demands: Demands {
-                each: env("GATHERED", GATHERED) * EACH * self.tolerance,
-                link: env("GATHERED", GATHERED) * LINK * self.tolerance,
+                each: GATHERED * EACH * self.tolerance,
+                link: GATHERED * LINK * self.tolerance,
                 divide: f64::INFINITY,
             },
         };
@@ -434,11 +434,4 @@ impl Radiosity {
 }
 
 /// What is gathered may err by this share of the tolerance in its links and cut-off.
-const GATHERED: f64 = 0.3;
-
-fn env(n: &str, d: f64) -> f64 {
-    std::env::var(n)
-        .ok()
-        .and_then(|v| v.parse().ok())
-        .unwrap_or(d)
-}
+const GATHERED: f64 = 0.6;
