@@ -22,8 +22,8 @@ use std::collections::BTreeMap;
 /// 316 corners).
 pub(super) const REACH: f64 = 4.0;
 
-/// Nothing is joined where a surface is off its plane by more than this part of the scene:
-/// files of seven digits miss by 3e-6, which `check` tells of and welding on request joins, and
+/// Nothing is joined where a surface is off its plane by more than this part of the largest
+/// crooked one's size: files of seven digits miss by 3e-6, which `check` tells of and welding on request joins, and
 /// walls that were measured are warped by more.
 const WORST: f64 = 1e-6;
 
@@ -55,11 +55,12 @@ pub(crate) fn mended(input: &SceneInput) -> Option<Mended> {
     let is_crooked = |(surface, off): &(&SurfaceInput, f64)| *off > CROOKED * size(surface);
     let surfaces = input.surfaces.iter();
     let measured = surfaces.zip(&off).filter_map(|(s, off)| Some((s, (*off)?)));
-    let worst = measured
-        .filter(is_crooked)
-        .map(|(_, off)| off)
-        .max_by(f64::total_cmp)
-        .filter(|&off| off <= WORST * extent(input))?;
+    let crooked: Vec<(&SurfaceInput, f64)> = measured.filter(is_crooked).collect();
+    let worst = crooked.iter().map(|c| c.1).max_by(f64::total_cmp)?;
+    let largest = crooked.iter().map(|c| size(c.0)).fold(0.0, f64::max);
+    if worst > WORST * largest {
+        return None;
+    }
     let allowed = REACH * worst;
     let is_wide = |s: &SurfaceInput| width(s).is_none_or(|width| width > WIDER * allowed);
     let (_, [p, q]) = shortest_edge(input)?;
