@@ -23,8 +23,8 @@ use std::collections::BTreeMap;
 pub(super) const REACH: f64 = 4.0;
 
 /// Nothing is joined where a surface is off its plane by more than this part of the largest
-/// crooked one's size: files of seven digits miss by 3e-6, which `check` tells of and welding on request joins, and
-/// walls that were measured are warped by more.
+/// crooked one's size: files of seven digits miss by 3e-6, which `check` tells of and welding
+/// on request joins, and walls that were measured are warped by more.
 const WORST: f64 = 1e-6;
 
 /// A surface is crooked from this part of its size on, where it is split (see `outline`).
@@ -48,8 +48,7 @@ pub(crate) struct Mended {
 }
 
 /// The input with the corners of its crooked surfaces joined; `None` if there is nothing to
-/// join, or if that could make a surface of no width, or
-/// one of two that face the same way.
+/// join, or if that could make a surface of no width, or one of two that face the same way.
 pub(crate) fn mended(input: &SceneInput) -> Option<Mended> {
     let off: Vec<Option<f64>> = input.surfaces.iter().map(deviation).collect();
     let is_crooked = |(surface, off): &(&SurfaceInput, f64)| *off > CROOKED * size(surface);
