@@ -1357,11 +1357,6 @@ impl Field {
         }
     }
 
-    /// Features within this distance touch a one-sided node; scene units.
-    pub(crate) fn contact_radius(&self) -> f64 {
-        self.contact_radius
-    }
-
     /// Chart coordinates of a point of an element.
     pub(crate) fn point(&self, t: usize, [l, m, n]: [f64; 3]) -> DVec2 {
         let [a, b, c] = self.mesh.triangles[t].map(|v| self.mesh.vertices[v as usize]);
