@@ -1,7 +1,7 @@
 //! Floors with many things on them: the work for each thing is that of what is near it.
 
 use antumbra::visibility::critical_curves;
-use antumbra::{Evaluator, EventKind, EventKinds, Scene, SceneInput};
+use antumbra::{Control, Evaluator, EventKind, EventKinds, Scene, SceneInput};
 use antumbra_tests::cases::build;
 use antumbra_tests::scenes::{Facing, add_box, add_horizontal, empty, material};
 use glam::dvec3;
@@ -40,7 +40,8 @@ fn work(scene: &Scene) -> (u64, u64) {
     let evaluator = Evaluator::new(scene);
     let radius = 1e-9 * scene.extent;
     let all = scene.face_ids().map(|face| {
-        let found = critical_curves(&evaluator, face, EventKinds::ALL, radius);
+        let found = critical_curves(&evaluator, face, EventKinds::ALL, radius, &Control::NEVER)
+            .expect("nothing stops it");
         let contacts = found.active[EventKind::Contact as usize];
         (found.candidates.iter().sum::<u64>(), contacts)
     });
@@ -94,7 +95,8 @@ fn floor_looked_up_by_its_tree_has_the_curves_of_one_looked_through() {
         let evaluator = Evaluator::new(&scene);
         let mut ends = Vec::new();
         for face in scene.face_ids() {
-            let found = critical_curves(&evaluator, face, EventKinds::ALL, 1e-9);
+            let found = critical_curves(&evaluator, face, EventKinds::ALL, 1e-9, &Control::NEVER)
+                .expect("nothing stops it");
             for curve in found.curves {
                 let kind = curve.kind();
                 let points = curve.shape.ends().map(|p| scene.frame.to_file(p));
