@@ -165,8 +165,21 @@ pub(crate) fn radiosity_on(
     };
     let mut radiosity = RadiosityOptions {
         tolerance: match options.tolerance {
-            Tolerance::Relative(t) => SHARE * t,
-            Tolerance::Absolute(t) => SHARE * t / direct.largest().max(f64::MIN_POSITIVE),
+            Tolerance::Relative(t) => {
+                std::env::var("SHARE")
+                    .ok()
+                    .and_then(|v| v.parse().ok())
+                    .unwrap_or(SHARE)
+                    * t
+            }
+            Tolerance::Absolute(t) => {
+                std::env::var("SHARE")
+                    .ok()
+                    .and_then(|v| v.parse().ok())
+                    .unwrap_or(SHARE)
+                    * t
+                    / direct.largest().max(f64::MIN_POSITIVE)
+            }
         },
         ..options.radiosity
     };

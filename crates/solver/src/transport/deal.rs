@@ -64,7 +64,7 @@ const NOTHING: f64 = 1e-13;
 const RULE_ERROR: f64 = 0.05;
 
 /// Parts are divided for the rule no more often than this.
-const DEEPEST: u32 = 7;
+const DEEPEST: u32 = 30;
 
 /// A fragment of which less than this share is found in elements lies beside them all: it
 /// goes to the nearest.

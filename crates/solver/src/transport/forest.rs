@@ -5,8 +5,10 @@ use crate::basis::quadrature;
 use crate::direct::Sampler;
 use crate::field::Receiver;
 use antumbra_geom::{Chart, DVec2, DVec3};
+use antumbra_mesh::Order;
 use antumbra_scene::{Aabb, BoxTree, FaceId, Scene};
 use rayon::prelude::*;
+use std::collections::{HashMap, HashSet};
 
 /// No element.
 pub(crate) const NONE: u32 = u32::MAX;
@@ -16,6 +18,8 @@ pub(crate) const NONE: u32 = u32::MAX;
 pub(crate) struct Element {
     /// The position of its face in [`Forest::sides`].
     pub(crate) side: u32,
+    /// Its corners by number: neighbours share theirs.
+    pub(crate) vertices: [u32; 3],
     /// Corners in the chart, counter-clockwise.
     pub(crate) uv: [DVec2; 3],
     /// The same in space.
@@ -70,6 +74,13 @@ pub(crate) struct Side {
 pub(crate) struct Forest {
     pub(crate) sides: Vec<Side>,
     pub(crate) elements: Vec<Element>,
+    /// Corners of all elements, and middles of edges.
+    pub(crate) n_vertices: u32,
+    /// The middle of an edge, by its ends.
+    pub(crate) middles: HashMap<[u32; 2], u32>,
+    /// Edges on contacts, across which light jumps.
+    cut_edges: HashSet<[u32; 2]>,
+    cut_vertices: HashSet<u32>,
     pub(crate) n_bands: usize,
     /// One over the largest irradiance of each band; 0 where there is none.
     pub(crate) scale: Vec<f64>,
@@ -102,6 +113,10 @@ impl Forest {
         let mut forest = Self {
             sides: Vec::with_capacity(receivers.len()),
             elements: Vec::new(),
+            n_vertices: 0,
+            middles: HashMap::new(),
+            cut_edges: HashSet::new(),
+            cut_vertices: HashSet::new(),
             n_bands: scene.n_bands,
             scale: peak.map(|&p| if p > 0.0 { 1.0 / p } else { 0.0 }).collect(),
             direct: Vec::new(),
@@ -127,7 +142,8 @@ impl Forest {
             });
             for triangle in &receiver.mesh.triangles {
                 let uv = triangle.map(|v| receiver.mesh.vertices[v as usize]);
-                let element = forest.element(s as u32, uv);
+                let vertices = triangle.map(|v| forest.n_vertices + v);
+                let element = forest.element(s as u32, vertices, uv);
                 if element.area > LEAST_AREA * face.area {
                     forest.elements.push(Element {
                         is_receiving: true,
@@ -135,6 +151,8 @@ impl Forest {
                     });
                 }
             }
+            forest.note_contacts(receiver);
+            forest.n_vertices += receiver.mesh.vertices.len() as u32;
             let roots = first..forest.elements.len() as u32;
             let boxes: Vec<(u32, Aabb)> = roots
                 .clone()
@@ -152,7 +170,48 @@ impl Forest {
         forest
     }
 
-    fn element(&self, side: u32, uv: [DVec2; 3]) -> Element {
+    /// Notes where contacts lie on a receiver whose vertices are the next ones.
+    fn note_contacts(&mut self, receiver: &Receiver) {
+        for triangle in &receiver.mesh.triangles {
+            for k in 0..3 {
+                let ends = [triangle[k], triangle[(k + 1) % 3]];
+                let set = receiver.mesh.edge_curves(ends[0], ends[1]);
+                let curves = set.map_or(&[][..], |set| receiver.mesh.sets().get(set));
+                if curves
+                    .iter()
+                    .any(|&c| receiver.orders[c as usize] == Order::D0)
+                {
+                    let [a, b] = ends.map(|v| self.n_vertices + v);
+                    self.cut_edges.insert(edge(a, b));
+                    self.cut_vertices.extend([a, b]);
+                }
+            }
+        }
+    }
+
+    /// The middle of an edge.
+    pub(crate) fn middle_of(&mut self, a: u32, b: u32) -> u32 {
+        let ends = edge(a, b);
+        if let Some(&middle) = self.middles.get(&ends) {
+            return middle;
+        }
+        let middle = self.n_vertices;
+        self.n_vertices += 1;
+        self.middles.insert(ends, middle);
+        if self.cut_edges.contains(&ends) {
+            self.cut_edges.insert(edge(a, middle));
+            self.cut_edges.insert(edge(middle, b));
+            self.cut_vertices.insert(middle);
+        }
+        middle
+    }
+
+    /// Does a contact run through a vertex?
+    pub(crate) fn is_cut(&self, vertex: u32) -> bool {
+        self.cut_vertices.contains(&vertex)
+    }
+
+    fn element(&self, side: u32, vertices: [u32; 3], uv: [DVec2; 3]) -> Element {
         let of = &self.sides[side as usize];
         let corners = uv.map(|p| of.chart.to_space(p));
         let [a, b, c] = corners;
@@ -160,6 +219,7 @@ impl Forest {
         let gradient = |edge: DVec3| of.normal.cross(edge) / twice_area;
         Element {
             side,
+            vertices,
             uv,
             corners,
             gradients: [gradient(c - b), gradient(a - c), gradient(b - a)],
@@ -228,16 +288,26 @@ impl Forest {
     pub(crate) fn divide(&mut self, which: &[u32], direct: &Sampler<'_>) {
         let whole = |&e: &u32| !self.elements[e as usize].is_divided();
         let which: Vec<u32> = which.iter().copied().filter(whole).collect();
+        let corners: Vec<[[u32; 3]; 4]> = which
+            .iter()
+            .map(|&e| {
+                let [a, b, c] = self.elements[e as usize].vertices;
+                let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| self.middle_of(p, q));
+                // As `in_parent` has them: the last is the middle one.
+                [[a, ab, ca], [ab, b, bc], [ca, bc, c], [bc, ca, ab]]
+            })
+            .collect();
         let made: Vec<[(Element, (Vec<f64>, f64)); 4]> = which
             .par_iter()
-            .map(|&e| {
+            .zip(&corners)
+            .map(|(&e, corners)| {
                 let of = &self.elements[e as usize];
                 [0, 1, 2, 3].map(|k| {
                     let uv = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|corner| {
                         let at = in_parent(k, corner);
                         of.uv[0] * at[0] + of.uv[1] * at[1] + of.uv[2] * at[2]
                     });
-                    let quarter = self.element(of.side, uv);
+                    let quarter = self.element(of.side, corners[k], uv);
                     let of_direct = self.project(&quarter, direct);
                     (quarter, of_direct)
                 })
@@ -423,6 +493,11 @@ impl Forest {
 /// Barycentric coordinates may be this far below 0 for a place of an element.
 const BESIDE: f64 = 1e-6;
 
+/// An edge by its ends, whichever way it is walked.
+pub(crate) fn edge(a: u32, b: u32) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
 /// Values of the four quarters from those of their element.
 fn go_down(element: &[f64], quarters: &mut [f64], n_bands: usize) {
     let width = N * n_bands;
@@ -456,6 +531,10 @@ impl Forest {
         Self {
             sides: Vec::new(),
             elements: Vec::new(),
+            n_vertices: 0,
+            middles: HashMap::new(),
+            cut_edges: HashSet::new(),
+            cut_vertices: HashSet::new(),
             n_bands: 0,
             scale: Vec::new(),
             direct: Vec::new(),

@@ -27,6 +27,7 @@ mod deal;
 mod forest;
 mod gather;
 mod rows;
+mod smooth;
 mod solve;
 
 pub use balance::{Power, RowSums};

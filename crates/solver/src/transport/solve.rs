@@ -5,6 +5,7 @@ use super::deal::Demands;
 use super::forest::{Forest, NONE};
 use super::gather::{GatherScratch, Gathering};
 use super::rows::{Table, place_of};
+use super::smooth::smooth;
 use crate::direct::{DirectMeshes, Sampler};
 use crate::field::Receiver;
 use antumbra_geom::{Control, DVec2, Phase, Stop};
@@ -147,6 +148,7 @@ pub fn solve_radiosity(
         radiosity.power = power(scene, &work.forest, &work.table);
         radiosity.row_sums = row_sums(&work.forest, &work.table);
     }
+    smooth(&mut work.forest);
     radiosity.n_rows = work.n_rows;
     radiosity.n_links = work.table.n_links();
     radiosity.forest = work.forest;
@@ -167,9 +169,9 @@ struct Work<'a, 'e, 's> {
 impl Work<'_, '_, '_> {
     fn demands(&self) -> Demands {
         Demands {
-            each: EACH * self.options.tolerance,
-            link: LINK * self.options.tolerance,
-            divide: DIVIDE * self.options.tolerance,
+            each: env("EACH", EACH) * self.options.tolerance,
+            link: env("LINK", LINK) * self.options.tolerance,
+            divide: env("DIVIDE", DIVIDE) * self.options.tolerance,
         }
     }
 
@@ -306,7 +308,7 @@ impl Work<'_, '_, '_> {
     fn allowed(&self, e: u32) -> f64 {
         let extent = self.evaluator.scene().extent;
         let size = self.forest.elements[e as usize].longest / extent;
-        COARSE * self.options.tolerance * (SMALL / size).max(1.0)
+        env("COARSE", COARSE) * self.options.tolerance * (env("SMALL", SMALL) / size).max(1.0)
     }
 
     /// Receiving elements that are to be divided: that err too much for anybody, or for
@@ -414,10 +416,10 @@ impl Radiosity {
         let gathering = Gathering {
             evaluator,
             forest: &self.forest,
-            allowed: GATHERED * self.tolerance,
+            allowed: env("GATHERED", GATHERED) * self.tolerance,
             demands: Demands {
-                each: GATHERED * EACH * self.tolerance,
-                link: GATHERED * LINK * self.tolerance,
+                each: env("GATHERED", GATHERED) * env("EACH", EACH) * self.tolerance,
+                link: env("GATHERED", GATHERED) * env("LINK", LINK) * self.tolerance,
                 divide: f64::INFINITY,
             },
         };
@@ -435,3 +437,10 @@ impl Radiosity {
 
 /// What is gathered may err by this share of the tolerance in its links and cut-off.
 const GATHERED: f64 = 0.6;
+
+fn env(n: &str, d: f64) -> f64 {
+    std::env::var(n)
+        .ok()
+        .and_then(|v| v.parse().ok())
+        .unwrap_or(d)
+}
