@@ -5,8 +5,10 @@
 //! from a solution whose tolerance is FINER (default 10) times smaller. Prints the largest
 //! errors relative to the peak, and where they are.
 
-use antumbra::values::{random_places, solved};
-use antumbra::{Control, Evaluator, ExactLight, Options, Scene, Tolerance, io, solve};
+use antumbra::gathered::{Gathered, solve};
+use antumbra::values::{exact, random_places};
+use antumbra::visibility::Place;
+use antumbra::{Control, Evaluator, ExactLight, Options, Scene, Scratch, Tolerance, io};
 use std::error::Error;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -21,19 +23,32 @@ fn main() -> Result<(), Box<dyn Error>> {
         tolerance: Tolerance::Relative(t),
         ..Options::default()
     };
-    let outcome = solve(&scene, &options(tolerance), &Control::NEVER)?;
+    let coarse = solve(&scene, &options(tolerance), &Control::NEVER)?;
     let fine = solve(&scene, &options(tolerance / finer), &Control::NEVER)?;
     let evaluator = Evaluator::new(&scene);
     let light = ExactLight::new(&evaluator, &Control::NEVER);
     let places = random_places(&scene, n, &|f| !scene.face(f).is_covered);
-    let of = |outcome: &antumbra::Outcome| -> Vec<Option<Vec<f64>>> {
-        match &outcome.radiosity {
-            Some(r) => solved(&light, &evaluator, r, &places, &Control::NEVER),
-            None => vec![None; places.len()],
-        }
+    let at: Vec<Place> = places
+        .iter()
+        .map(|place| Place {
+            point: place.point,
+            normal: scene.face(place.face).normal,
+            plane: Some(scene.face(place.face).plane),
+            approach: None,
+        })
+        .collect();
+    let of = |solved: &Gathered| -> Vec<Option<Vec<f64>>> {
+        let indirect = solved.transport.gather(&evaluator, &at, &Control::NEVER);
+        let mut scratch = Scratch::default();
+        let total = places.iter().zip(indirect).map(|(place, indirect)| {
+            let direct = exact(&light, place, &mut scratch);
+            Some(direct.iter().zip(indirect?).map(|(d, i)| d + i).collect())
+        });
+        total.collect()
     };
-    let (truth, gathered) = (of(&fine), of(&outcome));
-    let peak = &outcome.mesh.peak;
+    let (truth, gathered) = (of(&fine), of(&coarse));
+    let mesh = &coarse.outcome.mesh;
+    let peak = &mesh.peak;
     let (mut errors, mut of_gathers, mut n_unresolved) = (Vec::new(), Vec::new(), 0);
     for ((place, truth), gathered) in places.iter().zip(&truth).zip(&gathered) {
         let (Some(truth), Some(gathered)) = (truth, gathered) else {
@@ -45,7 +60,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 .fold(0.0, f64::max)
         };
         of_gathers.push((apart(gathered), place));
-        let mesh = &outcome.mesh.receivers[place.face.index()];
+        let mesh = &mesh.receivers[place.face.index()];
         let Some(spot) = mesh.locate(mesh.chart.to_chart(place.point)) else {
             continue;
         };
@@ -56,6 +71,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         let found = mesh.interpolate(&mesh.irradiance, scene.n_bands, spot);
         errors.push((apart(&found), place));
     }
+    println!(
+        "{} elements, {} evaluations, {:?}",
+        mesh.n_elements(),
+        mesh.exact_evaluations(),
+        mesh.ended
+    );
     for (what, mut errors) in [("mesh", errors), ("gathers", of_gathers)] {
         errors.sort_by(|a, b| b.0.total_cmp(&a.0));
         let at = |share: f64| errors[((errors.len() - 1) as f64 * share) as usize].0;

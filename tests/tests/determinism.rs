@@ -75,7 +75,7 @@ fn solutions_are_bit_identical_for_any_number_of_threads() {
             let solved = solved.unwrap_or_else(|e| panic!("{name}: {e}"));
             let mut all = bits_of_meshes(&solved.mesh);
             let radiosity = solved.radiosity.expect("it was solved");
-            all.extend([radiosity.sweeps as u64, radiosity.residual.to_bits()]);
+            all.extend([radiosity.iterations as u64, radiosity.residual.to_bits()]);
             let power = &radiosity.power;
             let watts = power
                 .emitted

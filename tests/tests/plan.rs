@@ -1,7 +1,6 @@
 //! The plan: its decisions, its bounds, and that runs follow it.
 
 use antumbra::scene::SceneInput;
-use antumbra::visibility;
 use antumbra::{
     Control, Decision, Evaluator, EventKind, EventKinds, Events, ExactLight, Options, Outcome,
     Plan, Quantity, Scene, Tolerance, values,
@@ -23,16 +22,9 @@ fn plan_of(outcome: &Outcome) -> &Plan {
 }
 
 /// Indirect light at one place.
-fn indirect(outcome: &Outcome, evaluator: &Evaluator<'_>, place: &values::Place) -> f64 {
+fn gathered(outcome: &Outcome, evaluator: &Evaluator<'_>, at: [(usize, DVec3); 1]) -> f64 {
     let radiosity = outcome.radiosity.as_ref().expect("it was solved");
-    let face = evaluator.scene().face(place.face);
-    let place = visibility::Place {
-        point: place.point,
-        normal: face.normal,
-        plane: Some(face.plane),
-        approach: None,
-    };
-    let found = radiosity.gather(evaluator, &[place], &Control::NEVER);
+    let found = radiosity.gather(evaluator, &at, &Control::NEVER);
     found[0].as_ref().expect("nothing stops it")[0]
 }
 
@@ -210,7 +202,8 @@ fn interreflection_is_left_out_where_its_bound_is_below_a_tenth_of_the_tolerance
             continue;
         };
         let direct = light.at(place.face, place.point, &mut scratch)[0];
-        let total = |s: &antumbra::Outcome| direct + indirect(s, &evaluator, &place);
+        let at = [(place.face.index(), place.point)];
+        let total = |s: &antumbra::Outcome| direct + gathered(s, &evaluator, at);
         assert!((total(&on) - total(&off)).abs() <= effect.bound * peak * 1.01);
     }
     for mesh in &off.mesh.receivers {

@@ -35,6 +35,7 @@ mod cell_receivers;
 mod cell_size;
 mod demand;
 mod export;
+pub mod gathered;
 mod grading;
 mod light;
 mod options;

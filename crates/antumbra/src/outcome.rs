@@ -70,14 +70,6 @@ impl Outcome {
         }
     }
 
-    /// With what was solved for.
-    pub(crate) fn with(self, radiosity: Radiosity) -> Self {
-        Self {
-            radiosity: Some(radiosity),
-            ..self
-        }
-    }
-
     /// Did the work end with what there was?
     #[must_use]
     pub fn is_stopped(&self) -> bool {
@@ -88,7 +80,7 @@ impl Outcome {
     /// Is all as it was asked for: the tolerance kept, interreflection converged?
     #[must_use]
     pub fn has_reached_goal(&self) -> bool {
-        self.mesh.has_reached_goal() && self.radiosity.as_ref().is_none_or(Radiosity::is_converged)
+        self.mesh.has_reached_goal() && self.radiosity.as_ref().is_none_or(|r| r.is_converged)
     }
 }
 

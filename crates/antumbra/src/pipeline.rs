@@ -55,10 +55,12 @@ pub(crate) fn mesh_on(
 ) -> Result<Outcome, Error> {
     match options.generator {
         Generator::Curves(_) => {
-            let mut ground = Ground::new(evaluator, light, options, Quantity::Direct, control)?;
+            let mut ground =
+                Ground::new(evaluator, light, options, Quantity::Direct, false, control)?;
             let receivers = std::mem::take(&mut ground.receivers);
             let (meshes, improvements) = ground.grow(receivers, driver, options, control);
-            Ok(ground.outcome(meshes, improvements, DirectMeshes::finish))
+            let finish = |meshes: DirectMeshes| (meshes.finish(), ());
+            Ok(ground.outcome(meshes, improvements, finish).0)
         }
         Generator::Cells(cells) => {
             let (meshes, limit) = cell_meshes_for(evaluator, driver, options, &cells, control)?;
@@ -90,7 +92,13 @@ pub fn solve(scene: &Scene, options: &Options, control: &Control<'_>) -> Result<
     let evaluator = Evaluator::new(scene);
     let light = ExactLight::new(&evaluator, control);
     match options.generator {
-        Generator::Curves(_) => solve_curves(&evaluator, &light, options, control),
+        Generator::Curves(_) => {
+            let (outcome, radiosity) = solve_curves(&evaluator, &light, options, control)?;
+            Ok(Outcome {
+                radiosity: Some(radiosity),
+                ..outcome
+            })
+        }
         Generator::Cells(cells) => solve_cells(&evaluator, &light, options, &cells, control),
     }
 }
@@ -101,110 +109,43 @@ fn solve_curves(
     light: &ExactLight<'_, '_>,
     options: &Options,
     control: &Control<'_>,
-) -> Result<Outcome, Error> {
-    let mut ground = Ground::new(evaluator, light, options, Quantity::Total, control)?;
-    let direct_light = ground.receivers.clone();
-    let (direct, _) = ground.grow(direct_light, light, options, control);
-    let is_wanted = ground.plan.simulates("interreflection");
-    let radiosity = radiosity_on(evaluator, &direct, options, is_wanted, control)?;
-    if !radiosity.reached.has_values() {
-        ground.plan = ground.plan.without_interreflection();
-        let outcome = ground.outcome(direct, Vec::new(), DirectMeshes::finish);
-        return Ok(outcome.with(radiosity));
-    }
-    if !is_wanted {
-        let nothing = |_, _| None;
-        let finish = |meshes: DirectMeshes| meshes.finish_with_indirect(&nothing);
-        return Ok(ground.outcome(direct, Vec::new(), finish).with(radiosity));
-    }
-    let total = TotalLight {
-        evaluator,
-        direct: light,
-        radiosity: &radiosity,
-    };
-    let mut receivers = std::mem::take(&mut ground.receivers);
-    for receiver in &mut receivers {
-        receiver.has_indirect_light = true;
-    }
-    let (meshes, improvements) = ground.grow(receivers, &total, options, control);
-    let is_cut_short = |p| matches!(p, Progress::BorderOnly | Progress::Nothing);
-    let outcome = if meshes.progress().any(is_cut_short) {
-        // The meshes of direct light are better than none, with indirect light as coarse
-        // as it is known.
-        let indirect = |receiver, uv| radiosity.interpolated(receiver, uv);
-        let finish = |meshes: DirectMeshes| meshes.finish_with_indirect(&indirect);
-        let mut outcome = ground.outcome(direct, Vec::new(), finish);
-        outcome.mesh.ended = Ended::Stopped;
-        outcome
-    } else {
-        let finish = |meshes: DirectMeshes| meshes.finish_total(light, &direct, control.stop);
-        ground.outcome(meshes, improvements, finish)
-    };
-    Ok(outcome.with(radiosity))
-}
-
-/// Interreflection alone, from the meshes of direct light.
-///
-/// * `is_wanted` — is more than direct light reflected once to be told? The power balance
-///   is, whatever it says.
-pub(crate) fn radiosity_on(
-    evaluator: &Evaluator<'_>,
-    direct: &DirectMeshes,
-    options: &Options,
-    is_wanted: bool,
-    control: &Control<'_>,
-) -> Result<Radiosity, Error> {
+) -> Result<(Outcome, Radiosity), Error> {
+    let mut ground = Ground::new(evaluator, light, options, Quantity::Total, false, control)?;
+    let receivers = std::mem::take(&mut ground.receivers);
+    let (meshes, improvements) = ground.grow(receivers, light, options, control);
     (control.progress)(Phase::Radiosity, 0.0);
     // Interreflection of a coarse mesh would be that of another scene.
-    let receivers = match direct.ended() {
+    let layer = match meshes.ended() {
         Ended::Stopped => None,
         _ => contact_receivers(evaluator, control.stop)?,
     };
-    let Some(receivers) = receivers else {
-        return Ok(Radiosity::nothing());
-    };
-    let mut radiosity = RadiosityOptions {
+    let mut of_radiosity = RadiosityOptions {
         tolerance: match options.tolerance {
-            Tolerance::Relative(t) => {
-                std::env::var("SHARE")
-                    .ok()
-                    .and_then(|v| v.parse().ok())
-                    .unwrap_or(SHARE)
-                    * t
-            }
-            Tolerance::Absolute(t) => {
-                std::env::var("SHARE")
-                    .ok()
-                    .and_then(|v| v.parse().ok())
-                    .unwrap_or(SHARE)
-                    * t
-                    / direct.largest().max(f64::MIN_POSITIVE)
-            }
+            Tolerance::Relative(t) => t,
+            Tolerance::Absolute(_) => options.radiosity.tolerance,
         },
         ..options.radiosity
     };
-    if !is_wanted {
-        radiosity.most_sweeps = 0;
+    if !ground.plan.simulates("interreflection") {
+        of_radiosity.most_sweeps = 0;
     }
-    Ok(solve_radiosity(
-        evaluator, &receivers, direct, &radiosity, control,
-    ))
+    let mut outcome = ground.outcome(meshes, improvements, |meshes| {
+        solve_radiosity(evaluator, meshes, layer, light, &of_radiosity, control)
+    });
+    if !outcome.1.reached.has_values() {
+        outcome.0.plan = outcome.0.plan.map(Plan::without_interreflection);
+    }
+    Ok(outcome)
 }
 
-/// What is gathered may be off by this share of the tolerance: meshes have the rest.
-const SHARE: f64 = 0.3;
-
-/// Direct light along the shadow boundaries, and interreflection from it.
-pub(crate) fn patches(
+/// Interreflection alone, with what is prepared already.
+pub(crate) fn radiosity_on(
     evaluator: &Evaluator<'_>,
     light: &ExactLight<'_, '_>,
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Radiosity, Error> {
-    let mut ground = Ground::new(evaluator, light, options, Quantity::Total, control)?;
-    let receivers = std::mem::take(&mut ground.receivers);
-    let (direct, _) = ground.grow(receivers, light, options, control);
-    radiosity_on(evaluator, &direct, options, true, control)
+    Ok(solve_curves(evaluator, light, options, control)?.1)
 }
 
 fn solve_cells(
@@ -222,13 +163,12 @@ fn solve_cells(
         radiosity: options.radiosity,
         ..Options::default()
     };
-    let radiosity = patches(evaluator, light, &of_patches, control)?;
-    let is_solved = radiosity.reached.has_values();
+    let patches = radiosity_on(evaluator, light, &of_patches, control)?;
     let total = TotalLight {
-        evaluator,
         direct: light,
-        radiosity: &radiosity,
+        gatherer: patches.gatherer(evaluator, control.stop),
     };
+    let is_solved = total.gatherer.is_some();
     let is_total = cells.mesher == Mesher::Adaptive && is_solved;
     let driver: &dyn Light = if is_total { &total } else { light };
     let (meshes, limit) = cell_meshes_for(evaluator, driver, options, cells, control)?;
@@ -242,11 +182,12 @@ fn solve_cells(
     } else {
         meshes.finish()
     };
-    let outcome = Outcome {
+    drop(total);
+    Ok(Outcome {
         limit,
+        radiosity: Some(patches),
         ..Outcome::of_cells(mesh)
-    };
-    Ok(outcome.with(radiosity))
+    })
 }
 
 /// The form factors between all surfaces of a scene, to a tolerance.
@@ -277,8 +218,8 @@ pub fn factors(scene: &Scene, options: &FactorOptions, control: &Control<'_>) ->
 }
 
 /// What meshes along the shadow boundaries grow from.
-struct Ground {
-    receivers: Vec<Receiver>,
+pub(crate) struct Ground {
+    pub(crate) receivers: Vec<Receiver>,
     curves: Vec<ReceiverCurves>,
     events: EventCounts,
     plan: Plan,
@@ -287,16 +228,18 @@ struct Ground {
 }
 
 impl Ground {
-    fn new(
+    /// * `has_strips` — lines where reflected light bends, too?
+    pub(crate) fn new(
         evaluator: &Evaluator<'_>,
         light: &ExactLight<'_, '_>,
         options: &Options,
         quantity: Quantity,
+        has_strips: bool,
         control: &Control<'_>,
     ) -> Result<Self, Error> {
         let mut scout = Scout::new(evaluator, light, options, control);
         let plan = Plan::new(evaluator.scene(), options, quantity, &scout);
-        if quantity == Quantity::Total && plan.simulates("interreflection") {
+        if has_strips {
             scout.add_strips(evaluator, control.stop);
         }
         let is_full = AtomicBool::new(scout.is_full);
@@ -339,7 +282,7 @@ impl Ground {
     }
 
     /// Grows meshes of a light.
-    fn grow(
+    pub(crate) fn grow(
         &self,
         receivers: Vec<Receiver>,
         driver: &dyn Light,
@@ -370,13 +313,13 @@ impl Ground {
         (meshes, improvements)
     }
 
-    /// What is told of the meshes that grew.
-    fn outcome(
+    /// What is told of the meshes that grew, and what comes with finishing them.
+    pub(crate) fn outcome<T>(
         mut self,
         meshes: DirectMeshes,
         improvements: Vec<Improvement>,
-        finish: impl FnOnce(DirectMeshes) -> Solution,
-    ) -> Outcome {
+        finish: impl FnOnce(DirectMeshes) -> (Solution, T),
+    ) -> (Outcome, T) {
         for (progress, curves) in meshes.progress().zip(&mut self.curves) {
             if matches!(progress, Progress::BorderOnly | Progress::Nothing) {
                 curves.critical = Vec::new();
@@ -386,14 +329,16 @@ impl Ground {
             count_inserted(mesh, curves, &mut self.events.inserted);
         }
         let is_stopped = meshes.ended() == Ended::Stopped;
-        Outcome {
+        let (mesh, rest) = finish(meshes);
+        let outcome = Outcome {
             plan: Some(self.plan.carried_out(&self.events.inserted, is_stopped)),
-            mesh: finish(meshes),
+            mesh,
             radiosity: None,
             curves: self.curves,
             events: self.events,
             limit: None,
             improvements,
-        }
+        };
+        (outcome, rest)
     }
 }

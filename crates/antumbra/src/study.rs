@@ -9,7 +9,7 @@ mod rival;
 use crate::light::ExactLight;
 use crate::options::{Mesher, Options};
 use crate::outcome::{Error, Outcome};
-use crate::pipeline::{mesh, mesh_on, patches};
+use crate::pipeline::{mesh, mesh_on, radiosity_on};
 use crate::total_light::TotalLight;
 use crate::values::{self, Place};
 use antumbra_geom::{Control, Phase, Stop};
@@ -17,7 +17,7 @@ use antumbra_io::study::{
     Errors, Quality, Run, Series, Spread, Study, observed_order, pareto_front,
 };
 use antumbra_scene::Scene;
-use antumbra_solver::{Light, Radiosity, Sample, Solution, Tolerance};
+use antumbra_solver::{Light, Radiosity, RadiosityOptions, Sample, Solution};
 use antumbra_visibility::{Evaluator, Scratch};
 use rayon::prelude::*;
 
@@ -403,12 +403,11 @@ pub fn study(
     let solutions = solutions(&evaluator, &light, &control.quiet())?;
     let stop = control.stop;
     let [fine, coarse] = &solutions;
-    let [of_fine, of_coarse] = [fine, coarse].map(|radiosity| TotalLight {
-        evaluator: &evaluator,
+    let [of_fine, of_coarse] = [fine, coarse].map(|solved| TotalLight {
         direct: &light,
-        radiosity,
+        gatherer: solved.gatherer(&evaluator, stop),
     });
-    if !(fine.reached.has_values() && coarse.reached.has_values()) {
+    if of_fine.gatherer.is_none() || of_coarse.gatherer.is_none() {
         return Ok(nothing(
             TOTAL,
             options,
@@ -471,35 +470,38 @@ struct Known {
     notes: Vec<String>,
 }
 
-/// Tolerances of the solutions that indirect light is gathered from, and that its
-/// uncertainty is told by.
-const LAYERS: [f64; 2] = [2e-4, 1e-3];
+/// Nodes of the layers that indirect light is gathered from, and that its uncertainty is
+/// told by. More would make every evaluation dearer, and say no more about meshes.
+const LAYERS: [usize; 2] = [2500, 900];
 
-/// The scene solved twice: finely, and less so.
+/// The scene solved twice: as well as it can be, and with fewer nodes.
 fn solutions(
     evaluator: &Evaluator<'_>,
     light: &ExactLight<'_, '_>,
     control: &Control<'_>,
 ) -> Result<[Radiosity; 2], Error> {
-    let options = |tolerance| Options {
-        tolerance: Tolerance::Relative(tolerance),
+    let options = |most_nodes| Options {
+        radiosity: RadiosityOptions {
+            most_nodes,
+            ..RadiosityOptions::default()
+        },
         ..Options::default()
     };
     let [fine, coarse] = LAYERS.map(options);
-    let fine = patches(evaluator, light, &fine, control)?;
-    let coarse = patches(evaluator, light, &coarse, control)?;
+    let fine = radiosity_on(evaluator, light, &fine, control)?;
+    let coarse = radiosity_on(evaluator, light, &coarse, control)?;
     Ok([fine, coarse])
 }
 
 fn solutions_notes([fine, coarse]: &[Radiosity; 2]) -> Vec<String> {
     vec![
         format!(
-            "Values of reference are exact direct irradiance and indirect irradiance gathered with exact visibility from one solution with {} elements; nodes of all meshes hold such values, so errors are those of the meshes. The solution took part in no time.",
-            fine.n_elements
+            "Values of reference are exact direct irradiance and indirect irradiance gathered with exact visibility from one solution with {} nodes; nodes of all meshes hold such values, so errors are those of the meshes. The solution took part in no time.",
+            fine.indirect_nodes
         ),
         format!(
-            "The uncertainty is the largest difference to what is gathered from a solution with {} elements, at 200 places.",
-            coarse.n_elements
+            "The uncertainty is the largest difference to what is gathered from a solution with {} nodes, at 200 places.",
+            coarse.indirect_nodes
         ),
         "Evaluations are those of direct light and of gathering, together.".into(),
     ]

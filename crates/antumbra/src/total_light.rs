@@ -1,16 +1,15 @@
 //! Direct light and what is gathered.
 
 use crate::light::ExactLight;
-use antumbra_geom::{Control, Stop};
+use antumbra_geom::Stop;
 use antumbra_scene::FaceId;
-use antumbra_solver::{Light, Radiosity, Sample};
-use antumbra_visibility::{Approach, Evaluator, Place};
+use antumbra_solver::{Gatherer, Light, Sample};
+use antumbra_visibility::Approach;
 
-/// Exact direct light, and what is reflected, gathered from a solution.
+/// Direct light and what is gathered from a solution.
 pub(crate) struct TotalLight<'a> {
-    pub(crate) evaluator: &'a Evaluator<'a>,
     pub(crate) direct: &'a ExactLight<'a, 'a>,
-    pub(crate) radiosity: &'a Radiosity,
+    pub(crate) gatherer: Option<Gatherer<'a, 'a, 'a>>,
 }
 
 impl Light for TotalLight<'_> {
@@ -26,28 +25,26 @@ impl Light for TotalLight<'_> {
         stop: Stop<'_>,
     ) -> Option<Vec<f64>> {
         let mut values = self.direct.irradiance(receiver, samples, radius, stop)?;
-        let face = self.evaluator.scene().face(receiver);
-        let places: Vec<Place> = samples
-            .iter()
-            .map(|sample| Place {
-                point: sample.point,
-                normal: face.normal,
-                plane: Some(face.plane),
-                approach: sample.toward.map(|toward| Approach { toward, radius }),
-            })
-            .collect();
-        let control = Control::stopping(stop);
-        let indirect = self.radiosity.gather(self.evaluator, &places, &control);
-        for (values, indirect) in values.chunks_exact_mut(self.n_bands()).zip(indirect) {
-            for (value, indirect) in values.iter_mut().zip(indirect?) {
-                *value += indirect;
+        if let Some(gatherer) = &self.gatherer {
+            let points: Vec<_> = samples
+                .iter()
+                .map(|sample| {
+                    let approach = sample.toward.map(|toward| Approach { toward, radius });
+                    (receiver.index(), sample.point, approach)
+                })
+                .collect();
+            let indirect = gatherer.gather(&points, stop);
+            for (values, indirect) in values.chunks_exact_mut(self.n_bands()).zip(indirect) {
+                for (value, indirect) in values.iter_mut().zip(indirect?) {
+                    *value += indirect;
+                }
             }
         }
         Some(values)
     }
 
     fn reaches(&self, receiver: FaceId) -> bool {
-        !self.evaluator.scene().face(receiver).is_covered
+        self.gatherer.is_some() || self.direct.reaches(receiver)
     }
 
     fn rounding(&self) -> f64 {

@@ -4,7 +4,7 @@ use crate::light::ExactLight;
 use antumbra_geom::Control;
 use antumbra_scene::{FaceId, Piece, Scene, SurfaceId};
 use antumbra_solver::{Radiosity, Solution};
-use antumbra_visibility::{self as visibility, Evaluator, Scratch};
+use antumbra_visibility::{Evaluator, Scratch};
 use glam::DVec3;
 
 /// Why a point has no value.
@@ -148,16 +148,7 @@ pub fn solved(
     places: &[Place],
     control: &Control<'_>,
 ) -> Vec<Option<Vec<f64>>> {
-    let on_face = |place: &Place| {
-        let face = evaluator.scene().face(place.face);
-        visibility::Place {
-            point: place.point,
-            normal: face.normal,
-            plane: Some(face.plane),
-            approach: None,
-        }
-    };
-    let points: Vec<_> = places.iter().map(on_face).collect();
+    let points: Vec<_> = places.iter().map(|p| (p.face.index(), p.point)).collect();
     let indirect = solution.gather(evaluator, &points, control);
     let mut scratch = Scratch::default();
     places

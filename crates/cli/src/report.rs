@@ -165,22 +165,25 @@ fn improvement(step: &Improvement) -> Value {
 /// What a solve adds to the report.
 fn interreflection(object: &mut Map<String, Value>, scene: &Scene, radiosity: &Radiosity) {
     if !radiosity.reached.has_values() {
-        for key in ["iterations", "residual", "power"] {
+        for key in ["iterations", "residual", "measured_indirect_error", "power"] {
             object.insert(key.into(), Value::Null);
         }
         object.insert("converged".into(), json!(false));
         return;
     }
-    object.insert("iterations".into(), json!(radiosity.sweeps));
+    object.insert("iterations".into(), json!(radiosity.iterations));
     object.insert("residual".into(), json!(radiosity.residual));
-    object.insert("converged".into(), json!(radiosity.is_converged()));
+    object.insert("converged".into(), json!(radiosity.is_converged));
+    object.insert(
+        "measured_indirect_error".into(),
+        json!(radiosity.measured_indirect_error),
+    );
     object.insert(
         "indirect".into(),
         json!({
-            "elements": radiosity.n_elements,
-            "rows": radiosity.n_rows,
-            "links": radiosity.n_links,
-            "interpolation_error": radiosity.interpolation_error,
+            "elements": radiosity.indirect_elements,
+            "nodes": radiosity.indirect_nodes,
+            "visible_parts": radiosity.visible_parts,
         }),
     );
     let power = &radiosity.power;

@@ -140,16 +140,25 @@ fn interreflection(report: &Value, radiosity: &Radiosity) -> String {
         (min, max) = (min.min(row.min), max.max(row.max));
     }
     text.push_str(&format!(
-        "\ninterreflection: {} elements, {} iterations, residual {:.1e}\n\
+        "\ninterreflection: {} iterations, residual {:.1e}, error at most {:.2e}\n\
              power: emitted {}, absorbed {}, escaped {}, imbalance {:.1e}\n\
-             row sums, raw: {min:.6} to {max:.6}",
-        radiosity.n_elements,
-        radiosity.sweeps,
+             row sums, raw: {min:.6} to {max:.6}{}",
+        radiosity.iterations,
         radiosity.residual,
+        radiosity.measured_indirect_error,
         report["power"]["emitted"],
         report["power"]["absorbed"],
         report["power"]["escaped"],
         radiosity.power.imbalance,
+        if report["tolerance"]
+            .as_f64()
+            .is_some_and(|t| radiosity.measured_indirect_error > t)
+        {
+            "\nindirect light is above the tolerance where it bends sharply; that tolerance is \
+                 promised for direct light only"
+        } else {
+            ""
+        },
     ));
     text
 }

@@ -514,6 +514,11 @@ impl Field {
         self.is_dark || self.is_verified.iter().all(|&v| v)
     }
 
+    /// Features within this distance of a node touch it.
+    pub(crate) fn contact_radius(&self) -> f64 {
+        self.contact_radius
+    }
+
     /// Values of another light at all nodes; nothing if it was stopped.
     pub(crate) fn at_nodes(&self, light: &dyn Light, stop: Stop<'_>) -> Option<Vec<f64>> {
         if !light.reaches(self.face) {

@@ -3,34 +3,8 @@
 use super::basis::{N, NODES};
 use super::forest::Forest;
 use super::rows::Table;
-use antumbra_scene::{FaceId, Scene};
-
-/// Where the power goes, per band; the scene's units times square file units.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Power {
-    /// Given off by the emitters.
-    pub emitted: Vec<f64>,
-    /// Absorbed by fronts.
-    pub absorbed: Vec<f64>,
-    /// Leaves the scene, or ends on the back of a one-sided surface.
-    pub escaped: Vec<f64>,
-    /// (emitted − absorbed − escaped) / emitted, of the worst band.
-    pub imbalance: f64,
-}
-
-/// Raw sums of form factors from the nodes of a receiver to everything: 1 in a
-/// closed scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RowSums {
-    /// The face.
-    pub face: FaceId,
-    /// Smallest over its nodes.
-    pub min: f64,
-    /// Largest over its nodes.
-    pub max: f64,
-    /// Mean over its area.
-    pub mean: f64,
-}
+use crate::radiosity::{Power, RowSums};
+use antumbra_scene::Scene;
 
 /// The power balance over the receiving elements.
 pub(crate) fn power(scene: &Scene, forest: &Forest, table: &Table) -> Power {

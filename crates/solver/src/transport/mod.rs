@@ -14,7 +14,7 @@
 //! and nothing is ever asked of what is hidden.
 //!
 //! The solution itself is coarse: what people see is gathered from it, one bounce more
-//! accurate, with exact visibility ([`Radiosity::gather`]).
+//! accurate, with exact visibility ([`Transport::gather`]).
 //!
 //! # Source
 //!
@@ -30,5 +30,4 @@ mod rows;
 mod smooth;
 mod solve;
 
-pub use balance::{Power, RowSums};
-pub use solve::{Radiosity, RadiosityOptions, Reached, solve_radiosity};
+pub use solve::{Transport, TransportOptions, solve_transport};

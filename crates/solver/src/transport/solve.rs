@@ -1,6 +1,6 @@
 //! The rounds of the coarse solution: rows, sweeps, a look at what is between the nodes.
 
-use super::balance::{Power, RowSums, power, row_sums};
+use super::balance::{power, row_sums};
 use super::deal::Demands;
 use super::forest::{Forest, NONE};
 use super::gather::{GatherScratch, Gathering};
@@ -8,13 +8,14 @@ use super::rows::{Table, place_of};
 use super::smooth::smooth;
 use crate::direct::{DirectMeshes, Sampler};
 use crate::field::Receiver;
+use crate::radiosity::{Power, Reached, RowSums};
 use antumbra_geom::{Control, DVec2, Phase, Stop};
 use antumbra_visibility::{Evaluator, Place};
 use rayon::prelude::*;
 
 /// How to solve for interreflection.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RadiosityOptions {
+pub struct TransportOptions {
     /// Error allowed of what points gather, relative to the largest direct irradiance.
     pub tolerance: f64,
     /// No more sweeps over the rows than this; 0 leaves interreflection out altogether.
@@ -23,7 +24,7 @@ pub struct RadiosityOptions {
     pub most_elements: usize,
 }
 
-impl Default for RadiosityOptions {
+impl Default for TransportOptions {
     fn default() -> Self {
         Self {
             tolerance: 1e-3,
@@ -33,31 +34,9 @@ impl Default for RadiosityOptions {
     }
 }
 
-/// How far interreflection got.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reached {
-    /// As far as it goes.
-    Finished,
-    /// Stopped: that of an earlier round, which is coarser, or not converged.
-    Unfinished,
-    /// Stopped before the first round was solved: direct light only.
-    Nothing,
-    /// There is no room for so many bytes, which the smallest system needs: direct light
-    /// only.
-    NoRoom(u64),
-}
-
-impl Reached {
-    /// Is there any interreflection?
-    #[must_use]
-    pub fn has_values(self) -> bool {
-        matches!(self, Self::Finished | Self::Unfinished)
-    }
-}
-
 /// A solution of the radiosity equation, to be gathered from.
 #[derive(Debug)]
-pub struct Radiosity {
+pub struct Transport {
     /// How far it got.
     pub reached: Reached,
     /// Sweeps of the last iteration.
@@ -83,10 +62,10 @@ pub struct Radiosity {
 }
 
 /// Elements may miss this share of the tolerance for any point.
-const EACH: f64 = 0.5;
+const EACH: f64 = 1.0;
 
 /// Links may change what a node gathers by this share of the tolerance whatever they miss.
-const LINK: f64 = 0.05;
+const LINK: f64 = 0.3;
 
 /// Elements are divided for a point that they give an error above this share of the
 /// tolerance.
@@ -94,7 +73,7 @@ const DIVIDE: f64 = 0.5;
 
 /// The coarse solution is refined where it is interpolated worse than this many tolerances,
 /// and wherever somebody sees so much of an element that it matters to them.
-const COARSE: f64 = 1.0;
+const COARSE: f64 = 3.0;
 
 /// Elements smaller than this share of the scene may err more, in proportion to their size:
 /// they are seen by little but themselves.
@@ -126,13 +105,13 @@ const AMBIENT: f64 = 0.3;
 /// * `receivers` — all faces of the scene in their order, cut along contacts.
 /// * `direct` — direct light on the same faces.
 #[must_use]
-pub fn solve_radiosity(
+pub fn solve_transport(
     evaluator: &Evaluator<'_>,
     receivers: &[Receiver],
     direct: &DirectMeshes,
-    options: &RadiosityOptions,
+    options: &TransportOptions,
     control: &Control<'_>,
-) -> Radiosity {
+) -> Transport {
     let (scene, sampler) = (evaluator.scene(), direct.sampler());
     let mut work = Work {
         evaluator,
@@ -143,22 +122,22 @@ pub fn solve_radiosity(
         errors: Vec::new(),
         n_rows: 0,
     };
-    let mut radiosity = work.rounds(control);
-    if radiosity.reached.has_values() {
-        radiosity.power = power(scene, &work.forest, &work.table);
-        radiosity.row_sums = row_sums(&work.forest, &work.table);
+    let mut transport = work.rounds(control);
+    if transport.reached.has_values() {
+        transport.power = power(scene, &work.forest, &work.table);
+        transport.row_sums = row_sums(&work.forest, &work.table);
     }
     smooth(&mut work.forest);
-    radiosity.n_rows = work.n_rows;
-    radiosity.n_links = work.table.n_links();
-    radiosity.forest = work.forest;
-    radiosity
+    transport.n_rows = work.n_rows;
+    transport.n_links = work.table.n_links();
+    transport.forest = work.forest;
+    transport
 }
 
 struct Work<'a, 'e, 's> {
     evaluator: &'e Evaluator<'s>,
     direct: Sampler<'a>,
-    options: RadiosityOptions,
+    options: TransportOptions,
     forest: Forest,
     table: Table,
     /// Of interpolation, per element; infinite before it was looked at.
@@ -169,9 +148,9 @@ struct Work<'a, 'e, 's> {
 impl Work<'_, '_, '_> {
     fn demands(&self) -> Demands {
         Demands {
-            each: env("EACH", EACH) * self.options.tolerance,
-            link: env("LINK", LINK) * self.options.tolerance,
-            divide: env("DIVIDE", DIVIDE) * self.options.tolerance,
+            each: EACH * self.options.tolerance,
+            link: LINK * self.options.tolerance,
+            divide: DIVIDE * self.options.tolerance,
         }
     }
 
@@ -185,11 +164,11 @@ impl Work<'_, '_, '_> {
     }
 
     /// Rounds until the solution is fine enough.
-    fn rounds(&mut self, control: &Control<'_>) -> Radiosity {
+    fn rounds(&mut self, control: &Control<'_>) -> Transport {
         let stop = control.stop;
-        let mut result = Radiosity {
+        let mut result = Transport {
             tolerance: self.options.tolerance,
-            ..Radiosity::nothing()
+            ..Transport::nothing()
         };
         self.forest.spread();
         self.forest.measure();
@@ -308,7 +287,7 @@ impl Work<'_, '_, '_> {
     fn allowed(&self, e: u32) -> f64 {
         let extent = self.evaluator.scene().extent;
         let size = self.forest.elements[e as usize].longest / extent;
-        env("COARSE", COARSE) * self.options.tolerance * (env("SMALL", SMALL) / size).max(1.0)
+        COARSE * self.options.tolerance * (SMALL / size).max(1.0)
     }
 
     /// Receiving elements that are to be divided: that err too much for anybody, or for
@@ -362,7 +341,7 @@ fn error_of(gathering: &Gathering<'_, '_>, e: u32, scratch: &mut GatherScratch) 
     worst
 }
 
-impl Radiosity {
+impl Transport {
     /// Nothing was solved.
     #[must_use]
     pub fn nothing() -> Self {
@@ -416,10 +395,10 @@ impl Radiosity {
         let gathering = Gathering {
             evaluator,
             forest: &self.forest,
-            allowed: env("GATHERED", GATHERED) * self.tolerance,
+            allowed: GATHERED * self.tolerance,
             demands: Demands {
-                each: env("GATHERED", GATHERED) * env("EACH", EACH) * self.tolerance,
-                link: env("GATHERED", GATHERED) * env("LINK", LINK) * self.tolerance,
+                each: GATHERED * EACH * self.tolerance,
+                link: GATHERED * LINK * self.tolerance,
                 divide: f64::INFINITY,
             },
         };
@@ -436,11 +415,4 @@ impl Radiosity {
 }
 
 /// What is gathered may err by this share of the tolerance in its links and cut-off.
-const GATHERED: f64 = 0.6;
-
-fn env(n: &str, d: f64) -> f64 {
-    std::env::var(n)
-        .ok()
-        .and_then(|v| v.parse().ok())
-        .unwrap_or(d)
-}
+const GATHERED: f64 = 1.0;
