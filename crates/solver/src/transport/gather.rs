@@ -58,8 +58,7 @@ impl Gathering<'_, '_> {
             if told.truncated <= ENDED * self.allowed {
                 return told;
             }
-            // Ended weight falls about with the root of what is ended.
-            epsilon *= 0.5 * (ENDED * self.allowed / told.truncated).powi(2);
+            epsilon *= 0.5 * (ENDED * self.allowed / told.truncated);
             if epsilon < LEAST_ENDED {
                 epsilon = 0.0;
             }
@@ -99,7 +98,8 @@ impl Gathering<'_, '_> {
         Told {
             seen,
             error: dealer.error,
-            truncated: totals.ended * spread,
+            // Each is off by its own weight at most, this way or that.
+            truncated: 3.0 * (totals.ended * epsilon).sqrt() * spread,
             totals,
         }
     }
