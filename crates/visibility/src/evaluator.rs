@@ -7,8 +7,8 @@
 //! wrong sign moves a sliver of rounding size and never a region. Compared with
 //! booleans and with edge integration in `docs/numerics.md`.
 
+use crate::adjacency::Adjacency;
 use crate::cone::{Approach, RELATIVE_TOLERANCE, cone, distance_to_segment_sq, l1};
-use crate::events::adjacency::Adjacency;
 use crate::events::shaft::supporting_plane;
 use crate::fragments::{Fragment, Fragments, HalfSpace, Position};
 use crate::lambert::contour_sum;

@@ -12,8 +12,6 @@
 //! Heckbert 1992; Lischinski, Tampieri & Greenberg 1992; Drettakis & Fiume 1994
 //! (H92, LTG92, DF94 in `docs/references.md`); orders and jumps in `docs/design.md`.
 
-pub(crate) mod adjacency;
-mod border;
 mod contact;
 mod coplanar;
 mod curve;

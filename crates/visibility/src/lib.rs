@@ -5,6 +5,8 @@
 //! the events whose curves bound shadows on a receiver. [`Evaluator::visible_faces`] gives
 //! all that a point sees at once.
 
+mod adjacency;
+mod border;
 mod cone;
 mod evaluator;
 mod events;

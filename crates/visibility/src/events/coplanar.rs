@@ -1,8 +1,8 @@
 //! D1: a whole strip of the emitter appears at once when two features lie in one
 //! plane with the point: coplanar edges, facets, the emitter's own plane.
 
+use crate::adjacency::Adjacency;
 use crate::evaluator::Evaluator;
-use crate::events::adjacency::Adjacency;
 use crate::events::curve::{CriticalCurve, CurveEnd, Shape};
 use crate::events::jump::JUMP_PLACES;
 use crate::events::shaft::{Shaft, form};

@@ -1,7 +1,7 @@
 //! What may take part in an event between one receiver and one emitter.
 
-use crate::events::adjacency::Adjacency;
-use crate::events::border::Region;
+use crate::adjacency::Adjacency;
+use crate::border::Region;
 use antumbra_scene::{Aabb, EdgeId, Face, FaceId, Scene, VertexId};
 use glam::{DVec3, DVec4};
 use smallvec::SmallVec;
