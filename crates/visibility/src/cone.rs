@@ -1,69 +1,8 @@
 //! The viewing cone of an occluder: the half-spaces that together hold what it hides.
 
 use crate::fragments::HalfSpace;
+use crate::place::{ALONG, Approach};
 use glam::DVec3;
-
-/// Limit from one side: the point is approached from `toward`.
-///
-/// Used at nodes on contacts (D0), where irradiance has one value per side.
-/// Everything of the scene within `radius` of the point counts as touching it.
-///
-/// # Source
-///
-/// The limit of the cone's half-spaces for a point `p + ε d`, ε → 0+.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Approach {
-    /// Unit direction from the point into the region whose limit is asked for,
-    /// in the receiver's plane.
-    pub toward: DVec3,
-    /// Distance within which features touch the point; scene units.
-    pub radius: f64,
-}
-
-impl Approach {
-    /// The slope at which the approach leaves a plane that the point touches; `None`
-    /// if the plane keeps its real height, because the point does not touch it or
-    /// because it runs along with the approach, as a table a hair above the floor does.
-    ///
-    /// Distances and slopes count within the receiver: a plane that is inclined by
-    /// 1e-9 to it leaves a contact as much as a wall does, but its height above a
-    /// point a metre from its trace is no rounding.
-    ///
-    /// * `normal` — of the plane; unit.
-    /// * `up` — of the receiver; unit.
-    /// * `height` — of the plane above the point, along `normal`.
-    /// * `rounding` — of `height`.
-    pub(crate) fn leaves(
-        &self,
-        normal: DVec3,
-        up: DVec3,
-        height: f64,
-        rounding: f64,
-    ) -> Option<f64> {
-        let touches = height.abs() <= self.radius;
-        if !touches {
-            return None;
-        }
-        let sine = (normal - up * up.dot(normal)).length();
-        let slope = normal.dot(self.toward);
-        // A plane that passes through the point to rounding has no real height to keep: a
-        // side of it, however flat the approach, is that of the approach.
-        let least = if height.abs() <= rounding {
-            FLATTEST
-        } else {
-            ALONG
-        };
-        (height.abs() <= (self.radius * sine).max(rounding) && slope.abs() > least * sine)
-            .then_some(slope)
-    }
-}
-
-/// An approach with a smaller slope runs along with a plane that it starts beside.
-const ALONG: f64 = 1e-6;
-
-/// An approach with a smaller slope runs along with a plane that it starts on: a third of
-/// a pixel of the arrangement, as seen across the receiver, is 1e-9.
-const FLATTEST: f64 = 1e-10;
 
 /// Rounding of one coordinate relative to the largest distance in play, with a
 /// margin for the handful of operations between input and decision.

@@ -8,10 +8,11 @@
 //! booleans and with edge integration in `docs/numerics.md`.
 
 use crate::adjacency::Adjacency;
-use crate::cone::{Approach, RELATIVE_TOLERANCE, cone, distance_to_segment_sq, l1};
+use crate::cone::{RELATIVE_TOLERANCE, cone, distance_to_segment_sq, l1};
 use crate::events::shaft::supporting_plane;
 use crate::fragments::{Fragment, Fragments, HalfSpace, Position};
 use crate::lambert::contour_sum;
+use crate::place::Approach;
 use crate::visibility_map::Screens;
 use antumbra_geom::{Plane, settled};
 use antumbra_scene::{Aabb, FaceId, PlaneId, Scene};

@@ -13,13 +13,14 @@ mod events;
 mod fragments;
 mod intervals;
 mod lambert;
+mod place;
 mod visibility_map;
 
-pub use cone::Approach;
 pub use evaluator::{Evaluator, Scratch, Source, View};
 pub use events::{
     CountByKind, CriticalCurve, CriticalCurves, CurveEnd, Discontinuity, Event, EventKind,
     EventKinds, JUMP_PLACES, Shape, critical_curves, critical_curves_between, jump_at,
 };
 pub use lambert::contour_sum;
-pub use visibility_map::{MapScratch, MapTotals, Place, VisiblePart};
+pub use place::{Approach, Place};
+pub use visibility_map::{MapScratch, MapTotals, VisiblePart};

@@ -5,12 +5,12 @@
 //! (J1) and (J2) of `docs/design.md`: first and second derivative across the curve
 //! of the area of the emitter that appears beyond it, times the kernel there.
 
-use crate::cone::Approach;
 use crate::evaluator::{Evaluator, Scratch, Source};
 use crate::events::coplanar::Sheet;
 use crate::events::curve::CriticalCurve;
 use crate::events::shaft::form;
 use crate::events::{Discontinuity, Event};
+use crate::place::Approach;
 use antumbra_scene::{EdgeId, FaceId, VertexId};
 use glam::{DVec2, DVec3};
 use smallvec::SmallVec;
