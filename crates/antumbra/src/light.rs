@@ -3,7 +3,7 @@
 use antumbra_geom::{Control, Stop};
 use antumbra_scene::FaceId;
 use antumbra_solver::{Light, Sample};
-use antumbra_visibility::{Approach, Evaluator, Scratch, View};
+use antumbra_visibility::{Approach, Evaluator, Scratch, Seen, View};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -81,8 +81,8 @@ impl Light for ExactLight<'_, '_> {
         let parts: Option<Vec<Vec<f64>>> = samples
             .par_chunks(CHUNK)
             .map_init(
-                || (Scratch::default(), vec![0.0; n_emitters]),
-                |(scratch, factors), chunk| {
+                || (Scratch::default(), vec![Seen::default(); n_emitters]),
+                |(scratch, seen), chunk| {
                     let mut most = 0.0f64;
                     let mut values = Vec::with_capacity(chunk.len() * self.n_bands());
                     for sample in chunk {
@@ -95,10 +95,10 @@ impl Light for ExactLight<'_, '_> {
                             sample.point,
                             approach.as_ref(),
                             scratch,
-                            factors,
+                            seen,
                         );
-                        values.extend(self.evaluator.weigh(factors));
-                        most = most.max(scratch.unoccluded);
+                        values.extend(self.evaluator.weigh(seen));
+                        most = most.max(seen.iter().map(|s| s.unoccluded).sum());
                     }
                     self.most_unoccluded
                         .fetch_max(most.to_bits(), Ordering::Relaxed);

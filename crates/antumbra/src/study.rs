@@ -18,7 +18,7 @@ use antumbra_io::study::{
 };
 use antumbra_scene::Scene;
 use antumbra_solver::{Light, Radiosity, Sample, Solution, Tolerance};
-use antumbra_visibility::{Evaluator, Scratch};
+use antumbra_visibility::{Evaluator, Scratch, Seen};
 use rayon::prelude::*;
 
 /// What a study is asked for.
@@ -115,16 +115,16 @@ impl Reference {
         let is_penumbra: Vec<bool> = places
             .par_iter()
             .map_init(
-                || (Scratch::default(), vec![0.0; n_emitters]),
-                |(scratch, factors), place| {
+                || (Scratch::default(), vec![Seen::default(); n_emitters]),
+                |(scratch, seen), place| {
                     if stop.is_wanted() {
                         return None;
                     }
                     let view = light.view(place.face);
-                    evaluator.factors(view, place.point, None, scratch, factors);
-                    let seen: f64 = factors.iter().sum();
-                    let all = scratch.unoccluded;
-                    Some(seen > HIDDEN * all && seen < (1.0 - HIDDEN) * all)
+                    evaluator.factors(view, place.point, None, scratch, seen);
+                    let Seen { factor, unoccluded } = seen.iter().copied().sum();
+                    let hidden = HIDDEN * unoccluded;
+                    Some(factor > hidden && factor < unoccluded - hidden)
                 },
             )
             .collect::<Option<_>>()?;

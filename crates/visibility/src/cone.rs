@@ -1,7 +1,7 @@
 //! The viewing cone of an occluder: the half-spaces that together hold what it hides.
 
 use crate::fragments::HalfSpace;
-use crate::place::{ALONG, Approach};
+use crate::place::{ALONG, Approach, Place};
 use glam::DVec3;
 
 /// Rounding of one coordinate relative to the largest distance in play, with a
@@ -9,11 +9,10 @@ use glam::DVec3;
 pub(crate) const RELATIVE_TOLERANCE: f64 = 16.0 * f64::EPSILON;
 
 /// Appends the half-spaces of the cone in which `corners` hide what lies behind
-/// them as seen from `point`; returns how many, 0 if the cone is empty.
+/// them as seen from a place; returns how many, 0 if the cone is empty.
 ///
 /// * `corners` — a convex plane polygon, either orientation.
 /// * `normal` — its unit normal (counter-clockwise side).
-/// * `up` — the unit normal at the point.
 /// * `reach` — an upper bound of the distance of everything that will be cut.
 /// * `behind` — how far behind the point is seen what touches it, of the source that will be
 ///   cut; 0 if it does not touch the point. The polygon's plane, if the point touches it,
@@ -25,16 +24,16 @@ pub(crate) fn cone(
     out: &mut Vec<HalfSpace>,
     corners: &[DVec3],
     normal: DVec3,
-    (point, up): (DVec3, DVec3),
-    approach: Option<&Approach>,
+    place: &Place,
     (reach, behind): (f64, f64),
 ) -> usize {
+    let point = place.point;
     let first = corners[0] - point;
     let mut height = normal.dot(first);
     let edge_on = 8.0 * f64::EPSILON * (first.abs().max_element() + point.abs().max_element());
     let mut sign = height.signum();
     let tolerance = RELATIVE_TOLERANCE * reach;
-    if let Some(slope) = approach.and_then(|a| a.leaves(normal, up, height, edge_on)) {
+    if let Some(slope) = place.leaves(normal, height, edge_on) {
         height = slope * behind;
         sign = -slope.signum();
     } else if height.abs() <= edge_on {
@@ -50,7 +49,7 @@ pub(crate) fn cone(
     let edge = |i: usize| (corners[i], corners[if i + 1 == n { 0 } else { i + 1 }]);
     for i in 0..n {
         let (a, b) = edge(i);
-        let plane = edge_plane(a, b, point, approach) * sign;
+        let plane = edge_plane(a, b, point, place.approach.as_ref()) * sign;
         out.push(HalfSpace {
             normal: plane,
             offset: 0.0,
@@ -99,17 +98,6 @@ pub(crate) fn edge_plane(a: DVec3, b: DVec3, point: DVec3, approach: Option<&App
         return cross_compensated(a, b, point);
     }
     plane
-}
-
-/// Squared distance of the origin from the segment `q + t e`, 0 ≤ t ≤ 1.
-pub(crate) fn distance_to_segment_sq(q: DVec3, e: DVec3) -> f64 {
-    let length_sq = e.length_squared();
-    let t = if length_sq > 0.0 {
-        (-q.dot(e) / length_sq).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
-    (q + e * t).length_squared()
 }
 
 /// `(a−p) × (b−p)` in double-double arithmetic, rounded at the end.

@@ -16,7 +16,8 @@ mod lambert;
 mod place;
 mod visibility_map;
 
-pub use evaluator::{Evaluator, Scratch, Source, View};
+pub use evaluator::occluders::LONGEST_NARROWED_LIST;
+pub use evaluator::{Evaluator, Scratch, Seen, Source, View};
 pub use events::{
     CountByKind, CriticalCurve, CriticalCurves, CurveEnd, Discontinuity, Event, EventKind,
     EventKinds, JUMP_PLACES, Shape, critical_curves, critical_curves_between, jump_at,

@@ -17,6 +17,19 @@ pub struct Place {
     pub approach: Option<Approach>,
 }
 
+impl Place {
+    /// Distance within which features touch the point: 0 where no limit is asked for.
+    pub(crate) fn radius(&self) -> f64 {
+        self.approach.map_or(0.0, |a| a.radius)
+    }
+
+    /// The slope at which the approach, if there is one, leaves a plane: see
+    /// [`Approach::leaves`].
+    pub(crate) fn leaves(&self, normal: DVec3, height: f64, rounding: f64) -> Option<f64> {
+        self.approach?.leaves(normal, self.normal, height, rounding)
+    }
+}
+
 /// Limit from one side: the point is approached from `toward`.
 ///
 /// Used at nodes on contacts (D0), where irradiance has one value per side.

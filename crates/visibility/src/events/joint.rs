@@ -6,8 +6,9 @@
 //! Only such pairs make VE and EEE events, and three edges only if their three
 //! pairs agree.
 
+use crate::evaluator::hull::Hull;
 use crate::events::coplanar::common_plane;
-use crate::events::shaft::{Hull, Shaft, turns};
+use crate::events::shaft::{Shaft, turns};
 use crate::events::swath::orientation;
 use crate::events::tracer::Tracer;
 use crate::events::{Event, EventKind, EventKinds};

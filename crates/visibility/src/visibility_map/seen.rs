@@ -1,7 +1,7 @@
 //! A convex polygon as seen from a point: the directions in which it lies.
 
 use crate::cone::{RELATIVE_TOLERANCE, edge_plane, l1};
-use crate::evaluator::BEHIND;
+use crate::evaluator::limit::BEHIND;
 use crate::fragments::HalfSpace;
 use crate::visibility_map::Place;
 use glam::DVec3;
