@@ -197,7 +197,8 @@ fn one_value(driver: &dyn Light, place: &Place, stop: Stop<'_>) -> Option<Vec<f6
         point: place.point,
         toward: None,
     };
-    driver.irradiance(place.face, &[sample], 0.0, stop)
+    let found = driver.irradiance(place.face, &[sample], 0.0, stop)?;
+    Some(found.values)
 }
 
 /// The bands of a light at all places; nothing if it was stopped.

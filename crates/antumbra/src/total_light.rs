@@ -3,7 +3,7 @@
 use crate::light::ExactLight;
 use antumbra_geom::{Control, Stop};
 use antumbra_scene::FaceId;
-use antumbra_solver::{Light, Radiosity, Sample};
+use antumbra_solver::{Found, Light, Radiosity, Sample};
 use antumbra_visibility::{Approach, Evaluator, Place};
 
 /// Exact direct light, and what is reflected, gathered from a solution.
@@ -24,8 +24,8 @@ impl Light for TotalLight<'_> {
         samples: &[Sample],
         radius: f64,
         stop: Stop<'_>,
-    ) -> Option<Vec<f64>> {
-        let mut values = self.direct.irradiance(receiver, samples, radius, stop)?;
+    ) -> Option<Found> {
+        let mut found = self.direct.irradiance(receiver, samples, radius, stop)?;
         let face = self.evaluator.scene().face(receiver);
         let places: Vec<Place> = samples
             .iter()
@@ -38,19 +38,15 @@ impl Light for TotalLight<'_> {
             .collect();
         let control = Control::stopping(stop);
         let indirect = self.radiosity.gather(self.evaluator, &places, &control);
-        for (values, indirect) in values.chunks_exact_mut(self.n_bands()).zip(indirect) {
+        for (values, indirect) in found.values.chunks_exact_mut(self.n_bands()).zip(indirect) {
             for (value, indirect) in values.iter_mut().zip(indirect?) {
                 *value += indirect;
             }
         }
-        Some(values)
+        Some(found)
     }
 
     fn reaches(&self, receiver: FaceId) -> bool {
         !self.evaluator.scene().face(receiver).is_covered
-    }
-
-    fn rounding(&self) -> f64 {
-        self.direct.rounding()
     }
 }

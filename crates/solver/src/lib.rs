@@ -14,6 +14,6 @@ pub use direct::{DirectMeshes, DirectOptions};
 pub use factors::{FactorOptions, FormFactors, NotClosed, Reciprocity, Repair, form_factors};
 pub use field::{KINK_D1, KINK_D2, Light, Postponed, Receiver, Sample};
 pub use posterior::{AfterStep, Improvement};
-pub use scale::Tolerance;
+pub use scale::{Found, Tolerance};
 pub use solution::{Cells, Elements, Ended, Progress, ReceiverMesh, Solution, Spot, Triangles};
 pub use transport::{Power, Radiosity, RadiosityOptions, Reached, RowSums, solve_radiosity};
