@@ -91,3 +91,9 @@ pub(crate) const ALONG: f64 = 1e-6;
 /// An approach with a smaller slope runs along with a plane that it starts on: a third of
 /// a pixel of the arrangement, as seen across the receiver, is 1e-9.
 const FLATTEST: f64 = 1e-10;
+
+/// Where a source that touches the point is seen: so many contact radii behind the point.
+/// Larger, and it may lie behind something that does not touch the point. Smaller, and its
+/// direction is no longer told from that of a plane: what is within the tolerance of a
+/// half-space is on it (at 1e-3 that was 1e-3 rad).
+pub(crate) const BEHIND: f64 = 0.5;

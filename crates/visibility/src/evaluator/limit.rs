@@ -9,12 +9,6 @@ use antumbra_scene::Scene;
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// Where a source that touches the point is seen: so many contact radii behind the point.
-/// Larger, and it may lie behind something that does not touch the point. Smaller, and its
-/// direction is no longer told from that of a plane: what is within the tolerance of a
-/// half-space is on it (at 1e-3 that was 1e-3 rad).
-pub(crate) const BEHIND: f64 = 0.5;
-
 /// Edges farther from the point than this part of the scene are seen where they are, up to
 /// rounding and what the laws of light allow.
 const NEAR: f64 = 1e-4;

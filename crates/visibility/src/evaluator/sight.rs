@@ -1,8 +1,8 @@
 //! A convex source as seen from a place, before anything stands between.
 
 use crate::cone::RELATIVE_TOLERANCE;
-use crate::evaluator::limit::BEHIND;
 use crate::fragments::{Fragment, Fragments, HalfSpace, Position};
+use crate::place::BEHIND;
 use crate::place::Place;
 use antumbra_geom::nearest_on_segment;
 use antumbra_scene::PlaneId;
