@@ -19,11 +19,13 @@ mod joint;
 mod jump;
 mod roots;
 pub(crate) mod shaft;
+mod sheet;
 mod swath;
+mod trace;
 mod tracer;
 
-pub use curve::{CriticalCurve, CurveEnd, Shape};
-pub use jump::{JUMP_PLACES, jump_at};
+pub use curve::{CriticalCurve, CurveEnd, JUMP_PLACES, Shape};
+pub use jump::jump_at;
 
 use crate::evaluator::Evaluator;
 use antumbra_geom::Control;

@@ -7,9 +7,9 @@
 //! pairs agree.
 
 use crate::evaluator::hull::Hull;
-use crate::events::coplanar::common_plane;
 use crate::events::shaft::{Shaft, turns};
 use crate::events::swath::orientation;
+use crate::events::trace::common_plane;
 use crate::events::tracer::Tracer;
 use crate::events::{Event, EventKind, EventKinds};
 use antumbra_scene::{Aabb, EdgeId, VertexId};

@@ -6,18 +6,15 @@
 //! of the area of the emitter that appears beyond it, times the kernel there.
 
 use crate::evaluator::{Evaluator, Scratch, Source};
-use crate::events::coplanar::Sheet;
 use crate::events::curve::CriticalCurve;
 use crate::events::shaft::form;
+use crate::events::sheet::Sheet;
 use crate::events::{Discontinuity, Event};
 use crate::place::{Approach, Place};
 use antumbra_scene::{EdgeId, FaceId, VertexId};
 use glam::{DVec2, DVec3};
 use smallvec::SmallVec;
 use std::f64::consts::PI;
-
-/// The parameters at which [`CriticalCurve::jumps`] are known.
-pub const JUMP_PLACES: [f64; 7] = [0.01, 0.12, 0.3, 0.5, 0.7, 0.88, 0.99];
 
 /// The jump across a curve at a point of it, per unit of exitance of its emitter:
 /// of irradiance itself (D0), of its slope (D1; per scene unit), or of its second

@@ -3,8 +3,8 @@
 use crate::adjacency::Adjacency;
 use crate::border::{self, Region};
 use crate::evaluator::Evaluator;
-use crate::events::curve::{CriticalCurve, CurveEnd, Shape};
-use crate::events::jump::{JUMP_PLACES, jump_at};
+use crate::events::curve::{CriticalCurve, CurveEnd, JUMP_PLACES, Shape};
+use crate::events::jump::jump_at;
 use crate::events::roots::Quadratic;
 use crate::events::shaft::{Shaft, form};
 use crate::events::swath::{MovingPoint, Swath, finite};
