@@ -51,12 +51,10 @@ impl Hull {
     }
 
     /// May these points' convex hull meet it?
-    pub(crate) fn meets(&self, points: impl Iterator<Item = DVec3> + Clone) -> bool {
-        points.clone().next().is_some()
-            && self
-                .walls
-                .iter()
-                .all(|wall| points.clone().any(|x| !wall.excludes(x)))
+    pub(crate) fn meets(&self, mut points: impl Iterator<Item = DVec3> + Clone) -> bool {
+        let all = points.clone();
+        let reaches = |wall: &HalfSpace| all.clone().any(|x| !wall.excludes(x));
+        self.walls.iter().all(reaches) && points.next().is_some()
     }
 
     /// Does a convex polygon reach into it, and not only touch it?
