@@ -1,7 +1,7 @@
 //! The jumps that are predicted are those that irradiance has.
 
 use antumbra::scene::FaceId;
-use antumbra::visibility::{View, critical_curves};
+use antumbra::visibility::{Seen, View, critical_curves};
 use antumbra::{
     Control, CriticalCurve, Discontinuity, Evaluator, EventKind, EventKinds, Scene, Scratch,
 };
@@ -18,10 +18,10 @@ struct Probe<'e, 's> {
 
 impl Probe<'_, '_> {
     fn at(&self, x: DVec3) -> f64 {
-        let mut factors = vec![0.0; self.evaluator.emitters().len()];
+        let mut seen = vec![Seen::default(); self.evaluator.emitters().len()];
         self.evaluator
-            .factors(&self.view, x, None, &mut Scratch::default(), &mut factors);
-        factors[self.emitter]
+            .factors(&self.view, x, None, &mut Scratch::default(), &mut seen);
+        seen[self.emitter].factor
     }
 
     /// First and second derivative at x, from the side of `step`, whose length is the

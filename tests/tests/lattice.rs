@@ -162,6 +162,7 @@ fn limit(mesh: &ReceiverMesh, face: FaceId, point: DVec3, light: &dyn Light) -> 
         light
             .irradiance(face, &samples, radius, Stop::NEVER)
             .unwrap_or_default()
+            .values
     });
     let (lo, hi) = values
         .into_iter()

@@ -6,7 +6,7 @@ use antumbra::scene::FaceId;
 use antumbra::solver::cells::{
     CellDirectOptions, CellGoal, CellMeshes, CellReceiver, CellRefinement, edge_nodes,
 };
-use antumbra::solver::{Light, Sample, Spot};
+use antumbra::solver::{Found, Light, Sample, Spot};
 use antumbra::{
     CellOptions, CellSize, Control, Ended, Estimator, Evaluator, ExactLight, Mesher, Options,
     ReceiverMesh, Scene, Scratch, Solution, Tolerance, cell_meshes,
@@ -356,13 +356,12 @@ impl Light for Polynomial {
         1
     }
 
-    fn irradiance(&self, _: FaceId, samples: &[Sample], _: f64, _: Stop<'_>) -> Option<Vec<f64>> {
-        Some(
-            samples
-                .iter()
-                .map(|s| self.at(s.point.truncate()))
-                .collect(),
-        )
+    fn irradiance(&self, _: FaceId, samples: &[Sample], _: f64, _: Stop<'_>) -> Option<Found> {
+        let values = samples.iter().map(|s| self.at(s.point.truncate()));
+        Some(Found {
+            values: values.collect(),
+            rounding: 0.0,
+        })
     }
 
     fn reaches(&self, _: FaceId) -> bool {

@@ -1,7 +1,7 @@
 //! Visibility maps: parts and sky are the whole hemisphere, and emitters have the factors
 //! that the exact evaluation finds one by one.
 
-use antumbra::scene::{FaceId, Piece};
+use antumbra::scene::FaceId;
 use antumbra::visibility::{
     Approach, MapScratch, MapTotals, Place, Shape, Source, contour_sum, critical_curves,
 };
@@ -156,27 +156,15 @@ fn look(
 /// The factor of each emitter by exact evaluations, one after the other.
 fn one_by_one(evaluator: &Evaluator<'_>, place: &Place, scratch: &mut Scratch) -> Vec<f64> {
     let scene = evaluator.scene();
-    let of_piece = |emitter: FaceId, piece: &Piece, scratch: &mut Scratch| {
-        let source = Source {
-            corners: &scene.positions(&piece.vertices),
-            normal: scene.face(emitter).normal,
-            plane: scene.face(emitter).plane,
-        };
-        evaluator.visible_parts(
-            (place.normal, place.plane),
-            &source,
-            None,
-            place.point,
-            place.approach.as_ref(),
-            scratch,
-            |_, _| {},
-        )
-    };
     let of_face = |emitter: FaceId| {
         let range = scene.face(emitter).pieces.clone();
         let pieces = scene.pieces[range.start as usize..range.end as usize].iter();
         let own = pieces.filter(|piece| piece.n_faces == 1);
-        own.map(|piece| of_piece(emitter, piece, scratch)).sum()
+        let source = Source {
+            pieces: own.map(|piece| scene.positions(&piece.vertices)).collect(),
+            ..Source::of(scene, emitter)
+        };
+        evaluator.see(place, &source, None, scratch).factor
     };
     evaluator.emitters().map(of_face).collect()
 }

@@ -17,7 +17,7 @@ use crate::receiver::contact_receivers;
 use antumbra_geom::{Control, Phase, Stop};
 use antumbra_scene::{FaceId, Scene};
 use antumbra_solver::transport::{Transport, TransportOptions, solve_transport};
-use antumbra_solver::{DirectMeshes, Ended, Light, Progress, Sample, Tolerance};
+use antumbra_solver::{DirectMeshes, Ended, Found, Light, Progress, Sample, Tolerance};
 use antumbra_visibility::{Approach, Evaluator, Place};
 
 /// A scene meshed on total irradiance.
@@ -124,8 +124,8 @@ impl Light for TotalLight<'_> {
         samples: &[Sample],
         radius: f64,
         stop: Stop<'_>,
-    ) -> Option<Vec<f64>> {
-        let mut values = self.direct.irradiance(receiver, samples, radius, stop)?;
+    ) -> Option<Found> {
+        let mut found = self.direct.irradiance(receiver, samples, radius, stop)?;
         let face = self.evaluator.scene().face(receiver);
         let places: Vec<Place> = samples
             .iter()
@@ -138,19 +138,15 @@ impl Light for TotalLight<'_> {
             .collect();
         let control = Control::stopping(stop);
         let indirect = self.transport.gather(self.evaluator, &places, &control);
-        for (values, indirect) in values.chunks_exact_mut(self.n_bands()).zip(indirect) {
+        for (values, indirect) in found.values.chunks_exact_mut(self.n_bands()).zip(indirect) {
             for (value, indirect) in values.iter_mut().zip(indirect?) {
                 *value += indirect;
             }
         }
-        Some(values)
+        Some(found)
     }
 
     fn reaches(&self, receiver: FaceId) -> bool {
         !self.evaluator.scene().face(receiver).is_covered
-    }
-
-    fn rounding(&self) -> f64 {
-        self.direct.rounding()
     }
 }

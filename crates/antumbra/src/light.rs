@@ -2,10 +2,9 @@
 
 use antumbra_geom::{Control, Stop};
 use antumbra_scene::FaceId;
-use antumbra_solver::{Light, Sample};
-use antumbra_visibility::{Approach, Evaluator, Scratch, View};
+use antumbra_solver::{Found, Light, Sample};
+use antumbra_visibility::{Approach, Evaluator, Scratch, Seen, View};
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Exact irradiance, with a prepared view per face.
 #[derive(Debug)]
@@ -14,9 +13,6 @@ pub struct ExactLight<'e, 's> {
     views: Vec<View>,
     /// Of one emitter, in any band.
     largest_exitance: f64,
-    /// The bits of the largest sum of form factors without occluders at any sample so
-    /// far: of a positive number, they are in its order.
-    most_unoccluded: AtomicU64,
 }
 
 impl<'e, 's> ExactLight<'e, 's> {
@@ -44,7 +40,6 @@ impl<'e, 's> ExactLight<'e, 's> {
             evaluator,
             views,
             largest_exitance: exitances.copied().fold(0.0, f64::max),
-            most_unoccluded: AtomicU64::new(0),
         }
     }
 
@@ -75,14 +70,14 @@ impl Light for ExactLight<'_, '_> {
         samples: &[Sample],
         radius: f64,
         stop: Stop<'_>,
-    ) -> Option<Vec<f64>> {
+    ) -> Option<Found> {
         let view = &self.views[receiver.index()];
         let n_emitters = self.evaluator.emitters().len();
-        let parts: Option<Vec<Vec<f64>>> = samples
+        let parts: Option<Vec<(Vec<f64>, f64)>> = samples
             .par_chunks(CHUNK)
             .map_init(
-                || (Scratch::default(), vec![0.0; n_emitters]),
-                |(scratch, factors), chunk| {
+                || (Scratch::default(), vec![Seen::default(); n_emitters]),
+                |(scratch, seen), chunk| {
                     let mut most = 0.0f64;
                     let mut values = Vec::with_capacity(chunk.len() * self.n_bands());
                     for sample in chunk {
@@ -95,26 +90,25 @@ impl Light for ExactLight<'_, '_> {
                             sample.point,
                             approach.as_ref(),
                             scratch,
-                            factors,
+                            seen,
                         );
-                        values.extend(self.evaluator.weigh(factors));
-                        most = most.max(scratch.unoccluded);
+                        values.extend(self.evaluator.weigh(seen));
+                        most = most.max(seen.iter().map(|s| s.unoccluded).sum());
                     }
-                    self.most_unoccluded
-                        .fetch_max(most.to_bits(), Ordering::Relaxed);
-                    Some(values)
+                    Some((values, most))
                 },
             )
             .collect();
-        parts.map(|parts| parts.concat())
+        let (values, most): (Vec<_>, Vec<_>) = parts?.into_iter().unzip();
+        // The largest sum of form factors without occluders at any sample.
+        let most = most.into_iter().fold(0.0, f64::max);
+        Some(Found {
+            values: values.concat(),
+            rounding: 16.0 * f64::EPSILON * most * self.largest_exitance,
+        })
     }
 
     fn reaches(&self, receiver: FaceId) -> bool {
         self.views[receiver.index()].sees_any_emitter()
-    }
-
-    fn rounding(&self) -> f64 {
-        let most = f64::from_bits(self.most_unoccluded.load(Ordering::Relaxed));
-        16.0 * f64::EPSILON * most * self.largest_exitance
     }
 }

@@ -18,7 +18,7 @@ use antumbra_io::study::{
 };
 use antumbra_scene::Scene;
 use antumbra_solver::{Light, Radiosity, RadiosityOptions, Sample, Solution};
-use antumbra_visibility::{Evaluator, Scratch};
+use antumbra_visibility::{Evaluator, Scratch, Seen};
 use rayon::prelude::*;
 
 /// What a study is asked for.
@@ -115,16 +115,16 @@ impl Reference {
         let is_penumbra: Vec<bool> = places
             .par_iter()
             .map_init(
-                || (Scratch::default(), vec![0.0; n_emitters]),
-                |(scratch, factors), place| {
+                || (Scratch::default(), vec![Seen::default(); n_emitters]),
+                |(scratch, seen), place| {
                     if stop.is_wanted() {
                         return None;
                     }
                     let view = light.view(place.face);
-                    evaluator.factors(view, place.point, None, scratch, factors);
-                    let seen: f64 = factors.iter().sum();
-                    let all = scratch.unoccluded;
-                    Some(seen > HIDDEN * all && seen < (1.0 - HIDDEN) * all)
+                    evaluator.factors(view, place.point, None, scratch, seen);
+                    let Seen { factor, unoccluded } = seen.iter().copied().sum();
+                    let hidden = HIDDEN * unoccluded;
+                    Some(factor > hidden && factor < unoccluded - hidden)
                 },
             )
             .collect::<Option<_>>()?;
@@ -197,7 +197,8 @@ fn one_value(driver: &dyn Light, place: &Place, stop: Stop<'_>) -> Option<Vec<f6
         point: place.point,
         toward: None,
     };
-    driver.irradiance(place.face, &[sample], 0.0, stop)
+    let found = driver.irradiance(place.face, &[sample], 0.0, stop)?;
+    Some(found.values)
 }
 
 /// The bands of a light at all places; nothing if it was stopped.

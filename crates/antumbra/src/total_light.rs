@@ -3,7 +3,7 @@
 use crate::light::ExactLight;
 use antumbra_geom::Stop;
 use antumbra_scene::FaceId;
-use antumbra_solver::{Gatherer, Light, Sample};
+use antumbra_solver::{Found, Gatherer, Light, Sample};
 use antumbra_visibility::Approach;
 
 /// Direct light and what is gathered from a solution.
@@ -23,8 +23,8 @@ impl Light for TotalLight<'_> {
         samples: &[Sample],
         radius: f64,
         stop: Stop<'_>,
-    ) -> Option<Vec<f64>> {
-        let mut values = self.direct.irradiance(receiver, samples, radius, stop)?;
+    ) -> Option<Found> {
+        let mut found = self.direct.irradiance(receiver, samples, radius, stop)?;
         if let Some(gatherer) = &self.gatherer {
             let points: Vec<_> = samples
                 .iter()
@@ -34,20 +34,16 @@ impl Light for TotalLight<'_> {
                 })
                 .collect();
             let indirect = gatherer.gather(&points, stop);
-            for (values, indirect) in values.chunks_exact_mut(self.n_bands()).zip(indirect) {
+            for (values, indirect) in found.values.chunks_exact_mut(self.n_bands()).zip(indirect) {
                 for (value, indirect) in values.iter_mut().zip(indirect?) {
                     *value += indirect;
                 }
             }
         }
-        Some(values)
+        Some(found)
     }
 
     fn reaches(&self, receiver: FaceId) -> bool {
         self.gatherer.is_some() || self.direct.reaches(receiver)
-    }
-
-    fn rounding(&self) -> f64 {
-        self.direct.rounding()
     }
 }

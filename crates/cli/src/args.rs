@@ -659,6 +659,13 @@ fn failure(text: &str) -> Result<FailureKind, String> {
     }
 }
 
+/// What is to be done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Work {
+    Mesh,
+    Solve,
+}
+
 const FAILURES: &str = "one of panic, slow=SECONDS, negative, above-unoccluded, above-tolerance, \
 check, command=COMMAND is allowed";
 

@@ -64,8 +64,8 @@ fn main() -> ExitCode {
     let outcome = std::panic::catch_unwind(|| match &options.command {
         Command::Check(check) => check::run(check),
         Command::Plan(plan) => plan::run(plan),
-        Command::Mesh(mesh) => mesh::run(mesh, mesh::Work::Mesh),
-        Command::Solve(mesh) => mesh::run(mesh, mesh::Work::Solve),
+        Command::Mesh(mesh) => mesh::run(mesh, args::Work::Mesh),
+        Command::Solve(mesh) => mesh::run(mesh, args::Work::Solve),
         Command::Probe(probe) => probe::run(probe),
         Command::Factors(factors) => factors::run(factors),
         Command::Study(study) => study::run(study),

@@ -1,7 +1,7 @@
 //! `antumbra mesh` and `antumbra solve`.
 
 use crate::Ending;
-use crate::args::{Common, Mesh};
+use crate::args::{Common, Mesh, Work};
 use crate::failure::Failure;
 use crate::input::{self, Loaded, Purpose};
 use crate::output;
@@ -11,13 +11,6 @@ use crate::say::say;
 use crate::summary::summary;
 use antumbra::io::model::MeshedScene;
 use antumbra::{Options, Outcome};
-
-/// What is to be done.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Work {
-    Mesh,
-    Solve,
-}
 
 pub(crate) fn run(mesh: &Mesh, work: Work) -> Result<Ending, Failure> {
     let common = &mesh.common;

@@ -1,8 +1,7 @@
 //! Writing files: whole or not at all.
 
-use crate::args::Picture;
+use crate::args::{Picture, Work};
 use crate::failure::Failure;
-use crate::mesh::Work;
 use antumbra::Scene;
 use antumbra::io::model::{FactorTable, MeshedScene};
 use antumbra::io::study::{self, Study};

@@ -5,7 +5,7 @@ use crate::args::PlanArgs;
 use crate::failure::Failure;
 use crate::input::{self, Loaded};
 use crate::progress::Watch;
-use crate::report::counts;
+use crate::report::{counts, effects};
 use crate::say::say;
 use antumbra::{Control, Effect, Evaluator, EventKind, ExactLight, Plan, Quantity, Scratch};
 use serde_json::{Value, json};
@@ -59,21 +59,6 @@ fn seconds_per_evaluation(loaded: &Loaded) -> f64 {
         }
     }
     start.elapsed().as_secs_f64() / f64::from(n) / rayon::current_num_threads() as f64
-}
-
-/// The effects of a plan as reports have them.
-pub(crate) fn effects(plan: &Plan) -> Vec<Value> {
-    plan.effects
-        .iter()
-        .map(|e| {
-            json!({
-                "name": e.name,
-                "decision": e.decision.words(),
-                "bound": e.bound,
-                "reason": e.reason,
-            })
-        })
-        .collect()
 }
 
 fn document(loaded: &Loaded, plan: &Plan, seconds: Option<f64>) -> Value {

@@ -1,10 +1,10 @@
 //! `antumbra probe`.
 
 use crate::Ending;
-use crate::args::Probe;
+use crate::args::{Probe, Work};
 use crate::failure::Failure;
 use crate::input;
-use crate::mesh::{self, Work};
+use crate::mesh;
 use crate::progress::Watch;
 use crate::say::{self, say};
 use antumbra::values::{self, Place};

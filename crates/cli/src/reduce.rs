@@ -12,7 +12,7 @@ use antumbra::io::scene_file;
 use antumbra::reduce::{Size, reduce};
 use antumbra::solver::Tolerance;
 use antumbra::values::{self, Place};
-use antumbra::visibility::Source;
+use antumbra::visibility::Seen;
 use antumbra::{Control, Ended, Evaluator, ExactLight, SceneInput, Scratch, Solution};
 use indicatif::ProgressBar;
 use serde_json::json;
@@ -362,30 +362,11 @@ fn has_wrong_value(
 
 /// Irradiance per band without any occluders.
 fn unoccluded(evaluator: &Evaluator<'_>, place: &Place, scratch: &mut Scratch) -> Vec<f64> {
-    let scene = evaluator.scene();
-    let receiver = scene.face(place.face);
-    let mut bands = vec![0.0; scene.n_bands];
-    for id in evaluator.emitters() {
-        let lamp = scene.face(id);
-        for piece in &scene.pieces[lamp.pieces.start as usize..lamp.pieces.end as usize] {
-            let source = Source {
-                corners: &scene.positions(&piece.vertices),
-                normal: lamp.normal,
-                plane: lamp.plane,
-            };
-            let factor = evaluator.visible_parts(
-                (receiver.normal, Some(receiver.plane)),
-                &source,
-                Some(&[]),
-                place.point,
-                None,
-                scratch,
-                |_, _| {},
-            );
-            for (band, m) in bands.iter_mut().zip(&scene.material(id).exitance) {
-                *band += m * factor;
-            }
-        }
+    let view = evaluator.unprepared_view(place.face);
+    let mut seen = vec![Seen::default(); evaluator.emitters().len()];
+    evaluator.factors(&view, place.point, None, scratch, &mut seen);
+    for seen in &mut seen {
+        seen.factor = seen.unoccluded;
     }
-    bands
+    evaluator.weigh(&seen)
 }

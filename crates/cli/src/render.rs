@@ -1,10 +1,10 @@
 //! `antumbra render`.
 
 use crate::Ending;
-use crate::args::Render;
+use crate::args::{Render, Work};
 use crate::failure::Failure;
 use crate::input;
-use crate::mesh::{self, Work};
+use crate::mesh;
 use crate::output::{self, Format};
 use crate::progress::Watch;
 use crate::say::say;

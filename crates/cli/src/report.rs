@@ -1,7 +1,6 @@
 //! The report of `mesh` and `solve`.
 
 use crate::input::Loaded;
-use crate::plan;
 use crate::progress::peak_memory;
 use antumbra::{
     Ended, EventKind, Generator, Improvement, Options, Outcome, Phase, Plan, Progress, Radiosity,
@@ -95,9 +94,24 @@ fn along_curves(object: &mut Map<String, Value>, outcome: &Outcome, plan: &Plan)
         "inserted": counts(&outcome.events.inserted),
     });
     object.insert("events".into(), events);
-    object.insert("effects".into(), json!(plan::effects(plan)));
+    object.insert("effects".into(), json!(effects(plan)));
     let after = outcome.improvements.iter().map(improvement);
     object.insert("after".into(), after.collect());
+}
+
+/// The effects of a plan as reports have them.
+pub(crate) fn effects(plan: &Plan) -> Vec<Value> {
+    plan.effects
+        .iter()
+        .map(|e| {
+            json!({
+                "name": e.name,
+                "decision": e.decision.words(),
+                "bound": e.bound,
+                "reason": e.reason,
+            })
+        })
+        .collect()
 }
 
 /// What only meshes of cells have.

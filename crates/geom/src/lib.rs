@@ -18,7 +18,9 @@ pub use coarse::{coarse_order, exceeds};
 pub use control::{Control, Phase};
 pub use convex::convex_pieces;
 pub use glam::{DVec2, DVec3, dvec2, dvec3};
-pub use measure::{bounding_box, distance_to_segment, distance_to_segment_in_space};
+pub use measure::{
+    bounding_box, distance_to_segment, distance_to_segment_in_space, nearest_on_segment,
+};
 pub use polygon::{
     is_left_of, newell_normal, point_in_polygon, polygon_area, segments_cross, signed_area,
 };

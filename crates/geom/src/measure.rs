@@ -11,11 +11,17 @@ pub fn distance_to_segment(ends: [DVec2; 2], point: DVec2) -> f64 {
 
 /// The same in space.
 #[must_use]
-pub fn distance_to_segment_in_space([a, b]: [DVec3; 2], point: DVec3) -> f64 {
+pub fn distance_to_segment_in_space(ends: [DVec3; 2], point: DVec3) -> f64 {
+    nearest_on_segment(ends, point).distance(point)
+}
+
+/// The point of a segment that is nearest to another point.
+#[must_use]
+pub fn nearest_on_segment([a, b]: [DVec3; 2], point: DVec3) -> DVec3 {
     let along = b - a;
     let length_sq = along.length_squared().max(f64::MIN_POSITIVE);
     let at = (along.dot(point - a) / length_sq).clamp(0.0, 1.0);
-    (a + along * at).distance(point)
+    a + along * at
 }
 
 /// The smallest box around points in a chart: its lowest and its highest corner.

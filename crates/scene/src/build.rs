@@ -20,12 +20,11 @@ mod weld;
 
 use crate::bvh::{Aabb, BoxTree};
 use crate::input::{LengthUnit, SceneInput};
-use crate::problem::{Problem, Severity};
+use crate::problem::{Problem, Severity, named};
 use crate::scene::{
     Edge, Face, FaceId, Frame, Material, MaterialId, Piece, PlaneId, Scene, Surface, SurfaceId,
     VertexId,
 };
-use crate::weld_input::named;
 use antumbra_geom::Stop;
 use covered::{Part, Sheet};
 use glam::DVec3;

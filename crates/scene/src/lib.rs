@@ -7,6 +7,7 @@
 
 mod build;
 mod bvh;
+mod corners;
 mod input;
 mod open_rooms;
 mod problem;
@@ -19,6 +20,7 @@ mod weld_input;
 pub use antumbra_geom::Plane;
 pub use build::Built;
 pub use bvh::{Aabb, Below, BoxTree};
+pub use corners::Welded;
 pub use input::{LengthUnit, MaterialInput, Quantity, SceneInput, SurfaceInput};
 pub use open_rooms::OpenRoom;
 pub use problem::{Problem, Severity};
@@ -27,4 +29,3 @@ pub use scene::{
     Edge, EdgeId, Face, FaceId, Frame, Material, MaterialId, Piece, PlaneId, Scene, Side, Surface,
     SurfaceId, VertexId,
 };
-pub use weld_input::Welded;

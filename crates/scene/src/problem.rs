@@ -25,3 +25,15 @@ pub struct Problem {
     /// One line, lower case, without full stop: what, which, found, allowed.
     pub message: String,
 }
+
+/// The first few of some surfaces by name, and how many more there are.
+pub(crate) fn named(surfaces: &[String]) -> String {
+    const NAMED: usize = 8;
+    let named = surfaces.iter().take(NAMED);
+    let named: Vec<String> = named.map(|name| format!("'{name}'")).collect();
+    let more = match surfaces.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        n => format!(" and {n} more"),
+    };
+    format!("{}{more}", named.join(", "))
+}

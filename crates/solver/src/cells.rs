@@ -15,7 +15,7 @@ pub use estimate::Estimator;
 pub use layout::{edge_nodes, nodes_of_cell};
 
 use crate::field::{Light, SAFETY};
-use crate::scale::{Scale, Tolerance};
+use crate::scale::{Found, Scale, Tolerance};
 use crate::solution::{Ended, Progress, Solution};
 use antumbra_geom::{Chart, Control, Phase, Stop, bounding_box};
 use antumbra_mesh::cells::{CellForest, Rule};
@@ -126,7 +126,7 @@ pub(crate) struct Field {
     places: Places,
     current: Option<Current>,
     progress: Progress,
-    peak: Vec<f64>,
+    scale: Scale,
     size: f64,
     /// The largest error relative to what is allowed, before the last refinement.
     before: f64,
@@ -173,7 +173,7 @@ impl Field {
             places: Places::new(size, n_bands),
             current: None,
             progress: Progress::Unfinished,
-            peak: vec![0.0; n_bands],
+            scale: Scale::new(n_bands),
             size,
             before: f64::INFINITY,
             n_stalled: 0,
@@ -203,22 +203,21 @@ impl Field {
     fn evaluate_places(&mut self, wanted: &[u32], light: &dyn Light, stop: Stop<'_>) -> bool {
         let missing = self.places.missing(wanted);
         let light = (!self.is_dark).then_some(light);
-        let is_done = self.places.evaluate(
-            &missing,
-            light,
-            self.face,
-            &self.chart,
-            self.contact_radius,
-            stop,
-        );
-        if is_done {
-            for &p in &missing {
-                for (peak, &value) in self.peak.iter_mut().zip(self.places.values(p)) {
-                    *peak = peak.max(value);
-                }
-            }
-        }
-        is_done
+        let samples = self.places.samples(&missing, &self.chart);
+        let found = match light {
+            _ if missing.is_empty() => return true,
+            Some(light) => light.irradiance(self.face, &samples, self.contact_radius, stop),
+            None => Some(Found {
+                values: vec![0.0; samples.len() * self.n_bands],
+                rounding: 0.0,
+            }),
+        };
+        let Some(found) = found else {
+            return false;
+        };
+        self.scale.take(&found);
+        self.places.tell(&missing, &found.values);
+        true
     }
 
     /// Puts values on a forest's mesh, which then is the field's. Returns whether it has:
@@ -326,7 +325,7 @@ impl CellMeshes {
                 }
             });
         }
-        meshes.gather_peak(light);
+        meshes.gather_peak();
         meshes.ended = if is_done {
             meshes.refine(light, control)
         } else {
@@ -411,7 +410,7 @@ impl CellMeshes {
                 forest.refine(&leaves);
                 f.adopt(forest, light, control, control.stop)
             }));
-            self.gather_peak(light);
+            self.gather_peak();
             if !is_done {
                 return Ended::Stopped;
             }
@@ -433,7 +432,7 @@ impl CellMeshes {
             }
             true
         }));
-        self.gather_peak(light);
+        self.gather_peak();
         is_done
     }
 
@@ -531,9 +530,9 @@ impl CellMeshes {
         marked
     }
 
-    fn gather_peak(&mut self, light: &dyn Light) {
-        let peaks = self.fields.iter().map(|field| field.peak.as_slice());
-        self.scale.gather(peaks, light.rounding());
+    fn gather_peak(&mut self) {
+        self.scale
+            .gather(self.fields.iter().map(|field| &field.scale));
     }
 
     /// The error allowed in each band; without a tolerance, none is.
@@ -648,7 +647,10 @@ impl Field {
             })
             .collect();
         let found = light.irradiance(self.face, &samples, self.contact_radius, stop)?;
-        for (&(c, at), exact) in spots.iter().zip(found.chunks_exact(self.n_bands.max(1))) {
+        for (&(c, at), exact) in spots
+            .iter()
+            .zip(found.values.chunks_exact(self.n_bands.max(1)))
+        {
             for (band, exact) in exact.iter().enumerate() {
                 let value = current
                     .layout

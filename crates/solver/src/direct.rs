@@ -87,7 +87,7 @@ impl DirectMeshes {
                     .fields
                     .par_iter_mut()
                     .map(|field| field.verify(light, &allowed, stop)));
-                meshes.gather_peak(light);
+                meshes.gather_peak();
                 levels = meshes.levels();
                 if count(&levels) == 0 && !is_stopped {
                     is_stopped = !meshes.confirm(light, stop);
@@ -138,7 +138,7 @@ impl DirectMeshes {
             .fields
             .par_iter_mut()
             .map(|field| field.confirm(light, &allowed, density, stop)));
-        self.gather_peak(light);
+        self.gather_peak();
         is_done
     }
 
@@ -160,7 +160,7 @@ impl DirectMeshes {
             .fields
             .par_iter_mut()
             .map(|field| field.evaluate(light, stop)));
-        self.gather_peak(light);
+        self.gather_peak();
         is_done
     }
 
@@ -183,7 +183,7 @@ impl DirectMeshes {
                 field.clear();
             }
         });
-        self.gather_peak(light);
+        self.gather_peak();
     }
 
     fn levels(&self) -> Vec<Vec<u8>> {
@@ -191,9 +191,9 @@ impl DirectMeshes {
         self.fields.par_iter().map(|f| f.levels(&allowed)).collect()
     }
 
-    pub(crate) fn gather_peak(&mut self, light: &dyn Light) {
-        let peaks = self.fields.iter().map(|field| field.peak.as_slice());
-        self.scale.gather(peaks, light.rounding());
+    pub(crate) fn gather_peak(&mut self) {
+        self.scale
+            .gather(self.fields.iter().map(|field| &field.scale));
     }
 
     /// Refines, and evaluates what is new. Returns whether all is evaluated: receivers
@@ -225,7 +225,7 @@ impl DirectMeshes {
                 }
                 is_done
             }));
-        self.gather_peak(light);
+        self.gather_peak();
         is_done
     }
 

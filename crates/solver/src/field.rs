@@ -6,6 +6,7 @@ pub(crate) mod posterior;
 mod sides;
 
 use crate::basis::{MOST_NODES, lattice, n_nodes, values};
+use crate::scale::{Found, Scale};
 use crate::solution::{Elements, Progress, ReceiverMesh, Triangles};
 use antumbra_geom::{
     Chart, Control, Stop, bounding_box, coarse_order, distance_to_segment, exceeds,
@@ -46,15 +47,10 @@ pub trait Light: Sync {
         samples: &[Sample],
         radius: f64,
         stop: Stop<'_>,
-    ) -> Option<Vec<f64>>;
+    ) -> Option<Found>;
 
     /// Can any light fall on this receiver at all?
     fn reaches(&self, receiver: FaceId) -> bool;
-
-    /// How much of the irradiance told so far may be rounding, in any band.
-    fn rounding(&self) -> f64 {
-        0.0
-    }
 }
 
 /// A receiver with its triangulated arrangement, before any value is known.
@@ -278,7 +274,7 @@ pub(crate) struct Field {
     is_verified: Vec<bool>,
     looks: Vec<Look>,
     history: Vec<History>,
-    pub(crate) peak: Vec<f64>,
+    pub(crate) scale: Scale,
     pub(crate) n_evaluations: u64,
     pub(crate) size: f64,
 }
@@ -390,7 +386,7 @@ impl Field {
                 };
                 n_triangles
             ],
-            peak: vec![0.0; n_bands],
+            scale: Scale::new(n_bands),
             n_evaluations: 0,
             size: if n_triangles > 0 {
                 (max - min).length()
@@ -531,7 +527,8 @@ impl Field {
                 toward,
             })
             .collect();
-        light.irradiance(self.face, &samples, self.contact_radius, stop)
+        let found = light.irradiance(self.face, &samples, self.contact_radius, stop)?;
+        Some(found.values)
     }
 
     /// Direct light at the nodes and what is known elsewhere of indirect light.
@@ -594,7 +591,10 @@ impl Field {
             }
         }
         let found = if self.is_dark {
-            Some(vec![0.0; samples.len() * self.n_bands])
+            Some(Found {
+                values: vec![0.0; samples.len() * self.n_bands],
+                rounding: 0.0,
+            })
         } else {
             light.irradiance(self.face, &samples, self.contact_radius, stop)
         };
@@ -605,13 +605,10 @@ impl Field {
         if !self.is_dark {
             self.n_evaluations += samples.len() as u64;
         }
+        self.scale.take(&found);
+        let found = found.values;
         self.direct
             .extend_from_slice(&found[..n_new_nodes * self.n_bands]);
-        for sample in found.chunks_exact(self.n_bands.max(1)) {
-            for (peak, &value) in self.peak.iter_mut().zip(sample) {
-                *peak = peak.max(value);
-            }
-        }
         let inner = &found[n_new_nodes * self.n_bands..];
         for (k, &t) in new.iter().enumerate() {
             for band in 0..self.n_bands {
@@ -730,7 +727,8 @@ impl Field {
             return false;
         };
         self.n_evaluations += samples.len() as u64;
-        self.add_errors(places, &found);
+        self.scale.take(&found);
+        self.add_errors(places, &found.values);
         true
     }
 
@@ -738,7 +736,6 @@ impl Field {
     fn add_errors(&mut self, places: &[(usize, [f64; 3])], found: &[f64]) {
         for (&(t, at), exact) in places.iter().zip(found.chunks_exact(self.n_bands.max(1))) {
             for (band, &exact) in exact.iter().enumerate() {
-                self.peak[band] = self.peak[band].max(exact);
                 let error = (self.value(&self.direct, t, at, band) - exact).abs();
                 let worst = &mut self.errors[t * self.n_bands + band];
                 *worst = worst.max(error);

@@ -18,5 +18,5 @@ pub use posterior::{AfterStep, Improvement};
 pub use radiosity::{
     Gatherer, Power, Radiosity, RadiosityOptions, Reached, RowSums, solve_radiosity,
 };
-pub use scale::Tolerance;
+pub use scale::{Found, Tolerance};
 pub use solution::{Cells, Elements, Ended, Progress, ReceiverMesh, Solution, Spot, Triangles};

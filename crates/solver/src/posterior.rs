@@ -145,7 +145,7 @@ impl DirectMeshes {
                 try_step.on(field, step)
             })
             .collect();
-        self.gather_peak(light);
+        self.gather_peak();
         let after = self.measure(&scale, &allowed);
         if outcomes.contains(&Outcome::Stopped) {
             self.set_stopped();

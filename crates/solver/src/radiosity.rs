@@ -29,7 +29,7 @@ use crate::solution::Solution;
 use antumbra_geom::{Control, Phase, Stop};
 use antumbra_mesh::Locator;
 use antumbra_scene::{FaceId, PlaneId, Scene};
-use antumbra_visibility::{Approach, Evaluator, Scratch, Source, contour_sum};
+use antumbra_visibility::{Approach, Evaluator, Place, Scratch, Source, contour_sum};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -764,6 +764,12 @@ impl<'e, 's> Pairs<'e, 's> {
     ) -> u64 {
         let scene = self.evaluator.scene();
         let face = scene.face(self.faces[receiver]);
+        let place = Place {
+            point,
+            normal: face.normal,
+            plane: Some(face.plane),
+            approach: approach.copied(),
+        };
         let mut n_parts = 0;
         for (s, source) in sources.iter().enumerate() {
             let Some(list) = &self.between[receiver * sources.len() + s] else {
@@ -781,18 +787,12 @@ impl<'e, 's> Pairs<'e, 's> {
                 break;
             }
             for element in &source.elements {
-                let polygon = Source {
-                    corners: &element.corners,
-                    normal: source.normal,
-                    plane: source.plane,
-                };
                 n_parts += 1;
-                self.evaluator.visible_parts(
-                    (face.normal, Some(face.plane)),
-                    &polygon,
+                self.evaluator.see_parts(
+                    &place,
+                    &element.corners,
+                    (source.plane, source.normal),
                     list,
-                    point,
-                    approach,
                     scratch,
                     |fragment, factor| {
                         let seen = Seen {
@@ -857,26 +857,14 @@ impl Pairs<'_, '_> {
     ) -> f64 {
         let scene = self.evaluator.scene();
         let face = scene.face(self.faces[receiver]);
-        let source = scene.face(self.faces[source]);
-        let mut sum = 0.0;
-        for piece in &scene.pieces[source.pieces.start as usize..source.pieces.end as usize] {
-            let corners = scene.positions(&piece.vertices);
-            let polygon = Source {
-                corners: &corners,
-                normal: source.normal,
-                plane: source.plane,
-            };
-            sum += self.evaluator.visible_parts(
-                (face.normal, Some(face.plane)),
-                &polygon,
-                list,
-                point,
-                approach,
-                scratch,
-                |_, _| {},
-            );
-        }
-        sum
+        let place = Place {
+            point,
+            normal: face.normal,
+            plane: Some(face.plane),
+            approach: approach.copied(),
+        };
+        let source = Source::of(scene, self.faces[source]);
+        self.evaluator.see(&place, &source, list, scratch).factor
     }
 
     /// The form factor from a point to all fronts of the scene: what of its

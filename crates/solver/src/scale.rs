@@ -9,6 +9,15 @@ pub enum Tolerance {
     Absolute(f64),
 }
 
+/// Irradiance found at samples.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Found {
+    /// One sample after the other, a value for each band; in the scene's units.
+    pub values: Vec<f64>,
+    /// How much of them may be rounding, in any band.
+    pub rounding: f64,
+}
+
 /// The largest irradiance found so far, per band.
 #[derive(Clone, Debug)]
 pub(crate) struct Scale {
@@ -27,12 +36,23 @@ impl Scale {
         }
     }
 
-    /// Takes the peaks of all receivers in, and the rounding of their light.
-    pub(crate) fn gather<'a>(&mut self, peaks: impl Iterator<Item = &'a [f64]>, rounding: f64) {
-        self.rounding = rounding;
-        for of_receiver in peaks {
-            for (band, value) in self.peak.iter_mut().zip(of_receiver) {
-                *band = f64::max(*band, *value);
+    /// Takes in what was found.
+    pub(crate) fn take(&mut self, found: &Found) {
+        self.raise(&found.values, found.rounding);
+    }
+
+    /// Takes in the scales of all receivers.
+    pub(crate) fn gather<'a>(&mut self, all: impl Iterator<Item = &'a Self>) {
+        for of_receiver in all {
+            self.raise(&of_receiver.peak, of_receiver.rounding);
+        }
+    }
+
+    fn raise(&mut self, values: &[f64], rounding: f64) {
+        self.rounding = self.rounding.max(rounding);
+        for bands in values.chunks_exact(self.peak.len().max(1)) {
+            for (peak, &value) in self.peak.iter_mut().zip(bands) {
+                *peak = peak.max(value);
             }
         }
     }

@@ -4,7 +4,7 @@
 //! between, and how much of it is in the way.
 
 use antumbra_scene::{FaceId, MaterialInput, Scene, SceneInput, SurfaceInput};
-use antumbra_visibility::{Evaluator, Scratch};
+use antumbra_visibility::{Evaluator, Scratch, Seen};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec3, dvec3};
 
@@ -151,17 +151,17 @@ fn exact_evaluation(criterion: &mut Criterion) {
             .collect();
         assert!(scale > 0.0, "scenes have a scale");
         // Cones cut against, per evaluation: the count beside the time.
-        let mut factor = [0.0];
+        let mut seen = [Seen::default()];
         for &point in &points {
-            evaluator.factors(&view, point, None, &mut scratch, &mut factor);
+            evaluator.factors(&view, point, None, &mut scratch, &mut seen);
         }
         let cones = scratch.n_cones as f64 / points.len() as f64;
         let mut k = 0;
         group.bench_function(BenchmarkId::new(&name, format!("{cones:.1} cones")), |b| {
             b.iter(|| {
                 k = (k + 1) % points.len();
-                evaluator.factors(&view, points[k], None, &mut scratch, &mut factor);
-                factor[0]
+                evaluator.factors(&view, points[k], None, &mut scratch, &mut seen);
+                seen[0].factor
             });
         });
     }

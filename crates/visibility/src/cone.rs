@@ -1,80 +1,18 @@
 //! The viewing cone of an occluder: the half-spaces that together hold what it hides.
 
 use crate::fragments::HalfSpace;
+use crate::place::{ALONG, Approach, Place};
 use glam::DVec3;
-
-/// Limit from one side: the point is approached from `toward`.
-///
-/// Used at nodes on contacts (D0), where irradiance has one value per side.
-/// Everything of the scene within `radius` of the point counts as touching it.
-///
-/// # Source
-///
-/// The limit of the cone's half-spaces for a point `p + ε d`, ε → 0+.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Approach {
-    /// Unit direction from the point into the region whose limit is asked for,
-    /// in the receiver's plane.
-    pub toward: DVec3,
-    /// Distance within which features touch the point; scene units.
-    pub radius: f64,
-}
-
-impl Approach {
-    /// The slope at which the approach leaves a plane that the point touches; `None`
-    /// if the plane keeps its real height, because the point does not touch it or
-    /// because it runs along with the approach, as a table a hair above the floor does.
-    ///
-    /// Distances and slopes count within the receiver: a plane that is inclined by
-    /// 1e-9 to it leaves a contact as much as a wall does, but its height above a
-    /// point a metre from its trace is no rounding.
-    ///
-    /// * `normal` — of the plane; unit.
-    /// * `up` — of the receiver; unit.
-    /// * `height` — of the plane above the point, along `normal`.
-    /// * `rounding` — of `height`.
-    pub(crate) fn leaves(
-        &self,
-        normal: DVec3,
-        up: DVec3,
-        height: f64,
-        rounding: f64,
-    ) -> Option<f64> {
-        let touches = height.abs() <= self.radius;
-        if !touches {
-            return None;
-        }
-        let sine = (normal - up * up.dot(normal)).length();
-        let slope = normal.dot(self.toward);
-        // A plane that passes through the point to rounding has no real height to keep: a
-        // side of it, however flat the approach, is that of the approach.
-        let least = if height.abs() <= rounding {
-            FLATTEST
-        } else {
-            ALONG
-        };
-        (height.abs() <= (self.radius * sine).max(rounding) && slope.abs() > least * sine)
-            .then_some(slope)
-    }
-}
-
-/// An approach with a smaller slope runs along with a plane that it starts beside.
-const ALONG: f64 = 1e-6;
-
-/// An approach with a smaller slope runs along with a plane that it starts on: a third of
-/// a pixel of the arrangement, as seen across the receiver, is 1e-9.
-const FLATTEST: f64 = 1e-10;
 
 /// Rounding of one coordinate relative to the largest distance in play, with a
 /// margin for the handful of operations between input and decision.
 pub(crate) const RELATIVE_TOLERANCE: f64 = 16.0 * f64::EPSILON;
 
 /// Appends the half-spaces of the cone in which `corners` hide what lies behind
-/// them as seen from `point`; returns how many, 0 if the cone is empty.
+/// them as seen from a place; returns how many, 0 if the cone is empty.
 ///
 /// * `corners` — a convex plane polygon, either orientation.
 /// * `normal` — its unit normal (counter-clockwise side).
-/// * `up` — the unit normal at the point.
 /// * `reach` — an upper bound of the distance of everything that will be cut.
 /// * `behind` — how far behind the point is seen what touches it, of the source that will be
 ///   cut; 0 if it does not touch the point. The polygon's plane, if the point touches it,
@@ -86,16 +24,16 @@ pub(crate) fn cone(
     out: &mut Vec<HalfSpace>,
     corners: &[DVec3],
     normal: DVec3,
-    (point, up): (DVec3, DVec3),
-    approach: Option<&Approach>,
+    place: &Place,
     (reach, behind): (f64, f64),
 ) -> usize {
+    let point = place.point;
     let first = corners[0] - point;
     let mut height = normal.dot(first);
     let edge_on = 8.0 * f64::EPSILON * (first.abs().max_element() + point.abs().max_element());
     let mut sign = height.signum();
     let tolerance = RELATIVE_TOLERANCE * reach;
-    if let Some(slope) = approach.and_then(|a| a.leaves(normal, up, height, edge_on)) {
+    if let Some(slope) = place.leaves(normal, height, edge_on) {
         height = slope * behind;
         sign = -slope.signum();
     } else if height.abs() <= edge_on {
@@ -111,7 +49,7 @@ pub(crate) fn cone(
     let edge = |i: usize| (corners[i], corners[if i + 1 == n { 0 } else { i + 1 }]);
     for i in 0..n {
         let (a, b) = edge(i);
-        let plane = edge_plane(a, b, point, approach) * sign;
+        let plane = edge_plane(a, b, point, place.approach.as_ref()) * sign;
         out.push(HalfSpace {
             normal: plane,
             offset: 0.0,
@@ -160,17 +98,6 @@ pub(crate) fn edge_plane(a: DVec3, b: DVec3, point: DVec3, approach: Option<&App
         return cross_compensated(a, b, point);
     }
     plane
-}
-
-/// Squared distance of the origin from the segment `q + t e`, 0 ≤ t ≤ 1.
-pub(crate) fn distance_to_segment_sq(q: DVec3, e: DVec3) -> f64 {
-    let length_sq = e.length_squared();
-    let t = if length_sq > 0.0 {
-        (-q.dot(e) / length_sq).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
-    (q + e * t).length_squared()
 }
 
 /// `(a−p) × (b−p)` in double-double arithmetic, rounded at the end.

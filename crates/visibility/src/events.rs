@@ -12,8 +12,6 @@
 //! Heckbert 1992; Lischinski, Tampieri & Greenberg 1992; Drettakis & Fiume 1994
 //! (H92, LTG92, DF94 in `docs/references.md`); orders and jumps in `docs/design.md`.
 
-pub(crate) mod adjacency;
-mod border;
 mod contact;
 mod coplanar;
 mod curve;
@@ -21,11 +19,13 @@ mod joint;
 mod jump;
 mod roots;
 pub(crate) mod shaft;
+mod sheet;
 mod swath;
+mod trace;
 mod tracer;
 
-pub use curve::{CriticalCurve, CurveEnd, Shape};
-pub use jump::{JUMP_PLACES, jump_at};
+pub use curve::{CriticalCurve, CurveEnd, JUMP_PLACES, Shape};
+pub use jump::jump_at;
 
 use crate::evaluator::Evaluator;
 use antumbra_geom::Control;

@@ -3,6 +3,7 @@
 //! All corners are relative to the point. Fragments live in one growing buffer,
 //! so that an evaluation allocates nothing once the buffer is warm.
 
+use antumbra_scene::Aabb;
 use glam::DVec3;
 
 /// A half-space `normal · x > offset`; those of a viewing cone pass through the
@@ -26,6 +27,18 @@ impl HalfSpace {
     pub(crate) fn value(&self, x: DVec3) -> f64 {
         let v = self.normal.dot(x) - self.offset;
         if v.abs() <= self.tolerance { 0.0 } else { v }
+    }
+
+    /// Is a point outside by more than [`HalfSpace::tolerance`]?
+    #[inline]
+    pub(crate) fn excludes(&self, x: DVec3) -> bool {
+        self.normal.dot(x) - self.offset < -self.tolerance
+    }
+
+    /// May a box reach into it, or touch it?
+    #[inline]
+    pub(crate) fn may_meet(&self, b: &Aabb) -> bool {
+        b.max_along(self.normal) >= self.offset - self.tolerance
     }
 }
 

@@ -5,19 +5,23 @@
 //! the events whose curves bound shadows on a receiver. [`Evaluator::visible_faces`] gives
 //! all that a point sees at once.
 
+mod adjacency;
+mod border;
 mod cone;
 mod evaluator;
 mod events;
 mod fragments;
 mod intervals;
 mod lambert;
+mod place;
 mod visibility_map;
 
-pub use cone::Approach;
-pub use evaluator::{Evaluator, Scratch, Source, View};
+pub use evaluator::occluders::LONGEST_NARROWED_LIST;
+pub use evaluator::{Evaluator, Scratch, Seen, Source, View};
 pub use events::{
     CountByKind, CriticalCurve, CriticalCurves, CurveEnd, Discontinuity, Event, EventKind,
     EventKinds, JUMP_PLACES, Shape, critical_curves, critical_curves_between, jump_at,
 };
 pub use lambert::contour_sum;
-pub use visibility_map::{MapScratch, MapTotals, Place, VisiblePart};
+pub use place::{Approach, Place};
+pub use visibility_map::{MapScratch, MapTotals, VisiblePart};

@@ -2,7 +2,7 @@
 
 use crate::model::MeshedScene;
 
-use super::view::{Band, band_values};
+use super::band::{Band, band_values};
 
 /// A sequence of colours from low to high, even to the eye.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -10,6 +10,7 @@
 //! # Ok::<(), std::io::Error>(())
 //! ```
 
+mod band;
 mod canvas;
 mod colormap;
 mod drawing;
@@ -17,10 +18,12 @@ mod font;
 mod raster;
 mod view;
 
+pub use band::Band;
+pub(crate) use band::band_values;
 pub use colormap::{ColorMap, Scale};
 pub(crate) use drawing::Drawing;
-pub use view::{Band, PictureOptions, Side, View};
-pub(crate) use view::{band_values, chart_axes};
+pub(crate) use view::chart_axes;
+pub use view::{PictureOptions, Side, View};
 
 use std::io::{Error, Result, Write};
 

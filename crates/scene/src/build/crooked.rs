@@ -8,9 +8,9 @@
 //! ones.
 
 use crate::bvh::Aabb;
+use crate::corners::{Mover, extent, loops, shortest_edge};
 use crate::input::{SceneInput, SurfaceInput};
 use crate::scene::Scene;
-use crate::weld_input::{Mover, extent, loops, shortest_edge};
 use antumbra_geom::newell_normal;
 use glam::DVec3;
 use std::collections::BTreeMap;

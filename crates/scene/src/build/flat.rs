@@ -1,10 +1,29 @@
 //! The corners of one surface in its chart, where predicates are exact.
 
 use super::near::NearEdges;
-use super::outline::{Refusal, Shape};
 use super::weld::WELD_TOLERANCE;
 use crate::bvh::Aabb;
 use antumbra_geom::{Chart, DVec2, DVec3, cdt, convex_pieces, segments_cross, signed_area};
+
+/// Why a surface has no polygon.
+pub(super) enum Refusal {
+    /// Of zero area: a warning.
+    Empty,
+    /// An error: its kind and what to say.
+    Bad(&'static str, String),
+}
+
+/// The outline and the holes of one surface, cleaned.
+pub(super) struct Shape {
+    pub(super) outline: Vec<u32>,
+    pub(super) holes: Vec<Vec<u32>>,
+    /// Strictly convex without holes: nothing else to check.
+    pub(super) is_convex: bool,
+    pub(super) n_repeated: usize,
+    pub(super) n_collinear: usize,
+    pub(super) n_opened: usize,
+    pub(super) n_empty_holes: usize,
+}
 
 /// An edge of a surface in its chart: its loop, and its corners by local number.
 #[derive(Clone, Copy, Debug)]

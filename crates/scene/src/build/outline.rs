@@ -1,6 +1,6 @@
 //! From the loops of a surface to plane polygons with convex pieces.
 
-use super::flat::{Flat, crossing_point};
+use super::flat::{Flat, Refusal, Shape, crossing_point};
 use super::loops::{open_keyholes, without_repeats};
 use super::near::NearEdges;
 use super::weld::WELD_TOLERANCE;
@@ -84,26 +84,6 @@ pub(super) struct Shaper<'a> {
     /// Is what is warped split, however much?
     pub(super) triangulate: bool,
     pub(super) findings: &'a mut Findings,
-}
-
-/// Why a surface has no polygon.
-pub(super) enum Refusal {
-    /// Of zero area: a warning.
-    Empty,
-    /// An error: its kind and what to say.
-    Bad(&'static str, String),
-}
-
-/// The outline and the holes of one surface, cleaned.
-pub(super) struct Shape {
-    pub(super) outline: Vec<u32>,
-    pub(super) holes: Vec<Vec<u32>>,
-    /// Strictly convex without holes: nothing else to check.
-    pub(super) is_convex: bool,
-    n_repeated: usize,
-    n_collinear: usize,
-    n_opened: usize,
-    n_empty_holes: usize,
 }
 
 impl Shaper<'_> {

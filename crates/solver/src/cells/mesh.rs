@@ -55,7 +55,10 @@ impl Field {
         let mut values = vec![0.0; layout.places.len() * self.n_bands];
         if light.reaches(self.face) {
             let found = light.irradiance(self.face, &samples, self.contact_radius, stop)?;
-            for (&n, found) in free.iter().zip(found.chunks_exact(self.n_bands.max(1))) {
+            for (&n, found) in free
+                .iter()
+                .zip(found.values.chunks_exact(self.n_bands.max(1)))
+            {
                 values[n * self.n_bands..(n + 1) * self.n_bands].copy_from_slice(found);
             }
         }

@@ -1,8 +1,7 @@
 //! Places of a receiver and their exact values, each evaluated once.
 
-use crate::field::{Light, Sample};
-use antumbra_geom::{Chart, Stop};
-use antumbra_scene::FaceId;
+use crate::field::Sample;
+use antumbra_geom::Chart;
 use glam::DVec2;
 use std::collections::HashMap;
 
@@ -106,32 +105,18 @@ impl Places {
         missing
     }
 
-    /// Gives exact values to places without one. Returns whether all have one now: if it
-    /// was stopped, nothing has changed.
-    pub(super) fn evaluate(
-        &mut self,
-        missing: &[u32],
-        light: Option<&dyn Light>,
-        face: FaceId,
-        chart: &Chart,
-        radius: f64,
-        stop: Stop<'_>,
-    ) -> bool {
-        let samples: Vec<Sample> = missing.iter().map(|&p| self.sample(p, chart)).collect();
-        let found = match light {
-            _ if samples.is_empty() => return true,
-            Some(light) => light.irradiance(face, &samples, radius, stop),
-            None => Some(vec![0.0; samples.len() * self.n_bands]),
-        };
-        let Some(found) = found else {
-            return false;
-        };
+    /// The samples at some places.
+    pub(super) fn samples(&self, places: &[u32], chart: &Chart) -> Vec<Sample> {
+        places.iter().map(|&p| self.sample(p, chart)).collect()
+    }
+
+    /// Gives exact values to places without one.
+    pub(super) fn tell(&mut self, missing: &[u32], found: &[f64]) {
         for (&p, values) in missing.iter().zip(found.chunks_exact(self.n_bands.max(1))) {
             let at = p as usize * self.n_bands;
             self.values[at..at + self.n_bands].copy_from_slice(values);
             self.is_known[p as usize] = true;
         }
-        true
     }
 
     /// Remembers which places are or were nodes.

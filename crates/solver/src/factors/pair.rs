@@ -5,9 +5,9 @@ use crate::factors::cells::{self, Cell, clip};
 use crate::factors::contour::contour_integral;
 use crate::factors::cubature::{Estimate, Goal, Integral, Integrand, Rule, integrate};
 use antumbra_geom::{Chart, Control, Stop};
-use antumbra_scene::{FaceId, PlaneId, Scene};
+use antumbra_scene::{FaceId, Scene};
 use antumbra_visibility::{
-    CriticalCurve, Evaluator, Event, EventKinds, Scratch, Source, contour_sum,
+    CriticalCurve, Evaluator, Event, EventKinds, LONGEST_NARROWED_LIST, Place, Scratch, Source,
     critical_curves_between,
 };
 use glam::{DVec2, DVec3};
@@ -27,12 +27,10 @@ pub(crate) struct Exchange {
 /// The part of a face that lies on the front of another's plane.
 pub(crate) struct Side {
     face: FaceId,
-    normal: DVec3,
-    plane: PlaneId,
+    /// Its convex pieces.
+    source: Source,
     /// Loops, holes included; only good for contour integrals.
     loops: Vec<Vec<DVec3>>,
-    /// Convex pieces.
-    pieces: Vec<Vec<DVec3>>,
     area: f64,
 }
 
@@ -46,13 +44,11 @@ impl Side {
             let h = other.normal.dot(x - origin);
             if h.abs() <= tolerance { 0.0 } else { h }
         };
-        let part = |corners: &[_]| clip(&scene.positions(corners), height);
-        let pieces: Vec<Vec<DVec3>> = scene.pieces
-            [face.pieces.start as usize..face.pieces.end as usize]
-            .iter()
-            .map(|piece| part(&piece.vertices))
-            .filter(|corners| corners.len() > 2)
-            .collect();
+        let part = |corners: &[DVec3]| clip(corners, height);
+        let mut source = Source::of(scene, id);
+        source.pieces = source.pieces.iter().map(|piece| part(piece)).collect();
+        source.pieces.retain(|corners| corners.len() > 2);
+        let loops = face.loops().map(|corners| part(&scene.positions(corners)));
         let doubled = |corners: &Vec<DVec3>| {
             let fan = corners.windows(2).skip(1);
             fan.map(|w| {
@@ -64,18 +60,16 @@ impl Side {
         };
         Self {
             face: id,
-            normal: face.normal,
-            plane: face.plane,
-            loops: face.loops().map(part).filter(|l| l.len() > 2).collect(),
-            area: 0.5 * pieces.iter().map(doubled).sum::<f64>(),
-            pieces,
+            loops: loops.filter(|l| l.len() > 2).collect(),
+            area: 0.5 * source.pieces.iter().map(doubled).sum::<f64>(),
+            source,
         }
     }
 
     fn polygon(&self) -> Polygon<'_> {
         Polygon {
-            normal: self.normal,
-            pieces: &self.pieces,
+            normal: self.source.normal,
+            pieces: &self.source.pieces,
             area: self.area,
         }
     }
@@ -234,6 +228,7 @@ impl Pair {
         let scene = work.evaluator.scene();
         let chart = scene.chart(from.face);
         let mut cells: Vec<Cell> = from
+            .source
             .pieces
             .iter()
             .map(|corners| corners.iter().map(|&x| chart.to_chart(x)).collect())
@@ -355,10 +350,6 @@ struct SeenFrom<'a, 'e, 's> {
     to: &'a Side,
 }
 
-/// Longer lists of occluders are replaced by a query of the box tree: lists are those
-/// of a small triangle here, so that most of their occluders matter.
-const LONGEST_LIST: usize = 64;
-
 impl Integrand for SeenFrom<'_, '_, '_> {
     type Context = Vec<u32>;
     type Memory = Scratch;
@@ -374,29 +365,14 @@ impl Integrand for SeenFrom<'_, '_, '_> {
     }
 
     fn at(&self, point: DVec2, occluders: &Vec<u32>, scratch: &mut Scratch) -> [f64; 2] {
-        let point = self.chart.to_space(point);
-        let list = (occluders.len() <= LONGEST_LIST).then_some(occluders.as_slice());
-        let (mut factor, mut whole) = (0.0, 0.0);
-        let mut relative: Vec<DVec3> = Vec::new();
-        for corners in &self.to.pieces {
-            let source = Source {
-                corners,
-                normal: self.to.normal,
-                plane: self.to.plane,
-            };
-            factor += self.evaluator.visible_parts(
-                (self.from.normal, Some(self.from.plane)),
-                &source,
-                list,
-                point,
-                None,
-                scratch,
-                |_, _| {},
-            );
-            relative.clear();
-            relative.extend(corners.iter().map(|&x| x - point));
-            whole += contour_sum(&relative, self.from.normal);
-        }
-        [factor, whole]
+        let place = Place {
+            point: self.chart.to_space(point),
+            normal: self.from.source.normal,
+            plane: Some(self.from.source.plane),
+            approach: None,
+        };
+        let list = (occluders.len() <= LONGEST_NARROWED_LIST).then_some(occluders.as_slice());
+        let seen = self.evaluator.see(&place, &self.to.source, list, scratch);
+        [seen.factor, seen.unoccluded]
     }
 }

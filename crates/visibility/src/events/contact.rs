@@ -1,6 +1,6 @@
 //! D0: where faces touch or pierce the receiver.
 
-use crate::events::coplanar::{Trace, chord};
+use crate::events::trace::{Trace, chord};
 use crate::events::tracer::Tracer;
 use crate::events::{Event, EventKind};
 use crate::intervals::Intervals;

@@ -1,9 +1,11 @@
 //! Critical curves: segments, and arcs of conics.
 
-use crate::events::jump::JUMP_PLACES;
 use crate::events::{Event, EventKind};
 use antumbra_scene::{EdgeId, FaceId, VertexId};
 use glam::DVec3;
+
+/// The parameters at which [`CriticalCurve::jumps`] are known.
+pub const JUMP_PLACES: [f64; 7] = [0.01, 0.12, 0.3, 0.5, 0.7, 0.88, 0.99];
 
 /// A curve on a receiver across which a derivative of irradiance jumps.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,9 +6,10 @@
 //! Only such pairs make VE and EEE events, and three edges only if their three
 //! pairs agree.
 
-use crate::events::coplanar::common_plane;
-use crate::events::shaft::{Hull, Shaft, turns};
+use crate::evaluator::hull::Hull;
+use crate::events::shaft::{Shaft, turns};
 use crate::events::swath::orientation;
+use crate::events::trace::common_plane;
 use crate::events::tracer::Tracer;
 use crate::events::{Event, EventKind, EventKinds};
 use antumbra_scene::{Aabb, EdgeId, VertexId};

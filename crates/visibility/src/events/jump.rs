@@ -5,19 +5,16 @@
 //! (J1) and (J2) of `docs/design.md`: first and second derivative across the curve
 //! of the area of the emitter that appears beyond it, times the kernel there.
 
-use crate::cone::Approach;
 use crate::evaluator::{Evaluator, Scratch, Source};
-use crate::events::coplanar::Sheet;
 use crate::events::curve::CriticalCurve;
 use crate::events::shaft::form;
+use crate::events::sheet::Sheet;
 use crate::events::{Discontinuity, Event};
+use crate::place::{Approach, Place};
 use antumbra_scene::{EdgeId, FaceId, VertexId};
 use glam::{DVec2, DVec3};
 use smallvec::SmallVec;
 use std::f64::consts::PI;
-
-/// The parameters at which [`CriticalCurve::jumps`] are known.
-pub const JUMP_PLACES: [f64; 7] = [0.01, 0.12, 0.3, 0.5, 0.7, 0.88, 0.99];
 
 /// The jump across a curve at a point of it, per unit of exitance of its emitter:
 /// of irradiance itself (D0), of its slope (D1; per scene unit), or of its second
@@ -51,26 +48,20 @@ fn factor(
     evaluator: &Evaluator<'_>,
     receiver: FaceId,
     emitter: FaceId,
-    x: DVec3,
-    approach: Option<&Approach>,
+    point: DVec3,
+    approach: Option<Approach>,
 ) -> f64 {
     let scene = evaluator.scene();
-    let (face, lamp) = (scene.face(receiver), scene.face(emitter));
-    let mut scratch = Scratch::default();
-    let range = lamp.pieces.start as usize..lamp.pieces.end as usize;
-    scene.pieces[range]
-        .iter()
-        .map(|piece| {
-            let corners = scene.positions(&piece.vertices);
-            let source = Source {
-                corners: &corners,
-                normal: lamp.normal,
-                plane: lamp.plane,
-            };
-            let view = (face.normal, Some(face.plane));
-            evaluator.visible_parts(view, &source, None, x, approach, &mut scratch, |_, _| {})
-        })
-        .sum()
+    let face = scene.face(receiver);
+    let place = Place {
+        point,
+        normal: face.normal,
+        plane: Some(face.plane),
+        approach,
+    };
+    let source = Source::of(scene, emitter);
+    let seen = evaluator.see(&place, &source, None, &mut Scratch::default());
+    seen.factor
 }
 
 /// D0: the difference of the limits from both sides of a contact.
@@ -86,7 +77,7 @@ fn jump_of_value(
     let radius = 1e3 * scene.plane_tolerance();
     let side = |toward: DVec3| {
         let approach = Approach { toward, radius };
-        factor(evaluator, receiver, emitter, x, Some(&approach))
+        factor(evaluator, receiver, emitter, x, Some(approach))
     };
     Some((side(across) - side(-across)).abs())
 }

@@ -1,7 +1,8 @@
 //! What may take part in an event between one receiver and one emitter.
 
-use crate::events::adjacency::Adjacency;
-use crate::events::border::Region;
+use crate::adjacency::Adjacency;
+use crate::border::Region;
+use crate::evaluator::hull::Hull;
 use antumbra_scene::{Aabb, EdgeId, Face, FaceId, Scene, VertexId};
 use glam::{DVec3, DVec4};
 use smallvec::SmallVec;
@@ -142,101 +143,4 @@ pub(crate) fn turns(scene: &Scene, adjacency: &Adjacency, edge: EdgeId) -> Small
         .iter()
         .map(|at| at.inward.cross(along))
         .collect()
-}
-
-/// The plane through three points, as (outward unit normal, offset), if it has all of
-/// `points` on one side and some off it.
-pub(crate) fn supporting_plane(
-    [p, q, r]: [DVec3; 3],
-    points: impl Iterator<Item = DVec3>,
-    tolerance: f64,
-) -> Option<(DVec3, f64)> {
-    let normal = (q - p).cross(r - p).try_normalize()?;
-    let offset = normal.dot(p);
-    let (mut lo, mut hi) = (0.0f64, 0.0f64);
-    for x in points {
-        let d = normal.dot(x) - offset;
-        (lo, hi) = (lo.min(d), hi.max(d));
-    }
-    if hi <= tolerance && lo < -tolerance {
-        Some((normal, offset))
-    } else if lo >= -tolerance && hi > tolerance {
-        Some((-normal, -offset))
-    } else {
-        None
-    }
-}
-
-/// The planes around the convex hull of two point sets, as (outward normal,
-/// offset), and its box.
-pub(crate) struct Hull {
-    walls: SmallVec<[(DVec3, f64); 16]>,
-    bounds: Aabb,
-    tolerance: f64,
-}
-
-impl Hull {
-    /// The hull of an edge and a convex outline.
-    pub(crate) fn of_edge_and_outline(
-        [a, b]: [DVec3; 2],
-        outline: &[DVec3],
-        tolerance: f64,
-    ) -> Self {
-        let bounds = Aabb::of(outline.iter().copied().chain([a, b]));
-        let mut walls: SmallVec<[(DVec3, f64); 16]> = SmallVec::new();
-        let all = || outline.iter().copied().chain([a, b]);
-        let mut consider = |p, q, r| walls.extend(supporting_plane([p, q, r], all(), tolerance));
-        let n = outline.len();
-        for i in 0..n {
-            let (p, q) = (outline[i], outline[(i + 1) % n]);
-            consider(p, q, a);
-            consider(p, q, b);
-            consider(a, b, p);
-        }
-        Self {
-            walls,
-            bounds,
-            tolerance,
-        }
-    }
-
-    /// The hull of two convex outlines.
-    pub(crate) fn of_outlines(a: &[DVec3], b: &[DVec3], tolerance: f64) -> Self {
-        let all = || a.iter().chain(b).copied();
-        let mut walls: SmallVec<[(DVec3, f64); 16]> = SmallVec::new();
-        for outline in [a, b] {
-            if let [p, q, r, ..] = *outline {
-                walls.extend(supporting_plane([p, q, r], all(), tolerance));
-            }
-        }
-        for (edges, points) in [(a, b), (b, a)] {
-            for i in 0..edges.len() {
-                let (p, q) = (edges[i], edges[(i + 1) % edges.len()]);
-                let planes = points.iter().map(|&r| [p, q, r]);
-                walls.extend(planes.filter_map(|p| supporting_plane(p, all(), tolerance)));
-            }
-        }
-        Self {
-            walls,
-            bounds: Aabb::of(all()),
-            tolerance,
-        }
-    }
-
-    pub(crate) fn meets_box(&self, b: &Aabb) -> bool {
-        b.meets(&self.bounds)
-            && self
-                .walls
-                .iter()
-                .all(|&(n, d)| -b.max_along(-n) <= d + self.tolerance)
-    }
-
-    /// May these points' convex hull meet it?
-    pub(crate) fn meets(&self, mut points: impl Iterator<Item = DVec3> + Clone) -> bool {
-        let all = points.clone();
-        self.walls
-            .iter()
-            .all(|&(n, d)| all.clone().any(|x| n.dot(x) <= d + self.tolerance))
-            && points.next().is_some()
-    }
 }

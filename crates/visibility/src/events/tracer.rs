@@ -1,10 +1,10 @@
 //! From an event's swath to its curves on a receiver.
 
+use crate::adjacency::Adjacency;
+use crate::border::{self, Region};
 use crate::evaluator::Evaluator;
-use crate::events::adjacency::Adjacency;
-use crate::events::border::{self, Region};
-use crate::events::curve::{CriticalCurve, CurveEnd, Shape};
-use crate::events::jump::{JUMP_PLACES, jump_at};
+use crate::events::curve::{CriticalCurve, CurveEnd, JUMP_PLACES, Shape};
+use crate::events::jump::jump_at;
 use crate::events::roots::Quadratic;
 use crate::events::shaft::{Shaft, form};
 use crate::events::swath::{MovingPoint, Swath, finite};

@@ -24,26 +24,12 @@ mod screens;
 mod seen;
 mod walk;
 
-use crate::cone::Approach;
-use antumbra_scene::{FaceId, PlaneId};
+use crate::place::Place;
+use antumbra_scene::FaceId;
 use glam::DVec3;
 
 pub(crate) use screens::Screens;
 pub use walk::MapScratch;
-
-/// A point from which a scene is looked at.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
-    /// Scene units.
-    pub point: DVec3,
-    /// Unit normal: the middle of the hemisphere.
-    pub normal: DVec3,
-    /// The plane of the face the point lies on: nothing in it is seen. `None` for free
-    /// sensors.
-    pub plane: Option<PlaneId>,
-    /// The limit from one side, for nodes on contacts.
-    pub approach: Option<Approach>,
-}
 
 /// A part of what is seen: one convex cone, and the face in it.
 #[derive(Clone, Copy, Debug)]

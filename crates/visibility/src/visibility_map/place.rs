@@ -4,7 +4,7 @@ use super::Place;
 use super::cones::{Margins, Side};
 use super::screens::Screens;
 use crate::cone::RELATIVE_TOLERANCE;
-use crate::evaluator::is_beside;
+use crate::evaluator::limit::is_beside;
 use crate::fragments::HalfSpace;
 use antumbra_geom::{Plane, settled};
 use antumbra_scene::Aabb;

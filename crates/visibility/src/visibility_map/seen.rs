@@ -1,8 +1,8 @@
 //! A convex polygon as seen from a point: the directions in which it lies.
 
 use crate::cone::{RELATIVE_TOLERANCE, edge_plane, l1};
-use crate::evaluator::BEHIND;
 use crate::fragments::HalfSpace;
+use crate::place::BEHIND;
 use crate::visibility_map::Place;
 use glam::DVec3;
 use std::ops::Range;

@@ -1,6 +1,6 @@
 //! What the edges of a face say of it: the end of a body, or a sheet.
 
-use super::turn::Turn;
+use super::turn::{NUDGE, Turn};
 use super::{Sheets, Side};
 use crate::scene::PlaneId;
 use antumbra_geom::{DVec2, DVec3, point_in_polygon};
@@ -29,10 +29,6 @@ impl Claim {
         !self.is_sheet && !self.body.is_empty()
     }
 }
-
-/// Inside of a border by this, relative to the extent: a thousand times the distance at
-/// which corners count as lying on an edge, and below what a mesh resolves.
-pub(super) const NUDGE: f64 = 1.0 / (1u64 << 30) as f64;
 
 impl Sheets<'_> {
     /// What the edges of a patch say.

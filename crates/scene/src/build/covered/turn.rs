@@ -10,6 +10,10 @@ use std::f64::consts::{PI, TAU};
 /// Faces that differ by less in their angle about an edge coincide.
 const COINCIDENT: f64 = 1e-9;
 
+/// Inside of a border by this, relative to the extent: a thousand times the distance at
+/// which corners count as lying on an edge, and below what a mesh resolves.
+pub(super) const NUDGE: f64 = 1.0 / (1u64 << 30) as f64;
+
 /// What is met along a stretch of an edge.
 pub(super) struct Stretch {
     pub(super) middle: DVec3,
@@ -91,7 +95,7 @@ impl Turn {
             .collect();
         breaks.extend([0.0, length]);
         breaks.sort_by(f64::total_cmp);
-        let nudge = super::claim::NUDGE * sheets.extent;
+        let nudge = NUDGE * sheets.extent;
         breaks
             .windows(2)
             .filter(|pair| pair[1] - pair[0] > 2.0 * nudge)

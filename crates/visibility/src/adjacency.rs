@@ -1,6 +1,6 @@
 //! Which faces, edges and vertices meet, and which edges are an outline.
 
-use crate::events::border::{Border, Large, Region};
+use crate::border::{Border, Large, Region};
 use antumbra_scene::{Aabb, EdgeId, FaceId, Scene, VertexId};
 use glam::DVec3;
 use smallvec::SmallVec;
