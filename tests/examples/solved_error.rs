@@ -11,6 +11,7 @@ use antumbra::visibility::Place;
 use antumbra::{Control, Evaluator, ExactLight, Options, Scene, Scratch, Tolerance, io};
 use std::error::Error;
 
+#[expect(clippy::print_stdout, reason = "a table is printed")]
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1);
     let path = args.next().ok_or("a scene is needed")?;

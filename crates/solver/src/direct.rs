@@ -286,7 +286,6 @@ impl DirectMeshes {
     #[must_use]
     pub fn finish_total(self, light: &dyn Light, coarse: &Self, stop: Stop<'_>) -> Solution {
         let sampler = coarse.sampler();
-        let totals: Vec<Vec<f64>>;
         let mut meshes = self;
         let direct: Vec<Vec<f64>> = meshes
             .fields
@@ -300,7 +299,7 @@ impl DirectMeshes {
                 })
             })
             .collect();
-        totals = meshes
+        let totals = meshes
             .fields
             .iter_mut()
             .zip(direct)

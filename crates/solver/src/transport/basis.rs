@@ -151,11 +151,11 @@ mod tests {
         let coefficients = NODES.map(|(at, _)| of(at));
         let mut back = [0.0; N];
         for k in 0..4 {
-            for j in 0..N {
+            for (j, (at, _)) in NODES.into_iter().enumerate() {
                 let value: f64 = (0..N).map(|i| tables.down[k][j][i] * coefficients[i]).sum();
-                assert!((value - of(in_parent(k, NODES[j].0))).abs() < 1e-12);
-                for i in 0..N {
-                    back[i] += tables.up[k][i][j] * value;
+                assert!((value - of(in_parent(k, at))).abs() < 1e-12);
+                for (back, row) in back.iter_mut().zip(&tables.up[k]) {
+                    *back += row[j] * value;
                 }
             }
         }

@@ -50,8 +50,6 @@ pub(crate) struct Dealer<'a> {
     pub(crate) portions: &'a mut Vec<Portion>,
     /// Whole elements that are too coarse for this point.
     pub(crate) too_coarse: &'a mut Vec<u32>,
-    /// Estimated error of what was dealt, relative to the peak.
-    pub(crate) error: f64,
 }
 
 /// Elements seen up to this share are seen whole.
@@ -117,7 +115,6 @@ impl Dealer<'_> {
         if let Some(element) = root {
             let of = &forest.elements[element as usize];
             let at = inside_of(of.barycentric(place));
-            self.error += factor * forest.missed[element as usize];
             let weights = phi(at).map(|w| w * factor);
             self.portions.push(Portion { element, weights });
         }
@@ -184,7 +181,6 @@ impl Dealer<'_> {
         if !element.is_divided() && factor * missed > self.demands.divide {
             self.too_coarse.push(e);
         }
-        self.error += factor * missed;
         let mut weights = [0.0; N];
         // A fan around the corner nearest to the point: where the element touches the
         // point, other fans have triangles that span half of the sky.
@@ -235,7 +231,6 @@ impl Dealer<'_> {
             }
             return;
         }
-        self.error += factor * missed;
         let facing = self.forest.sides[element.side as usize].normal;
         let (mut sum, mut of_nodes) = (0.0, [0.0; N]);
         for (at, weight) in RULE {

@@ -101,6 +101,9 @@ pub(crate) struct Forest {
     doubt: Vec<f64>,
 }
 
+/// Direct light as an element holds it, and what that misses, relative to the peak.
+type Projected = (Vec<f64>, f64);
+
 /// Triangles smaller than this share of their face hold nothing.
 const LEAST_AREA: f64 = 1e-14;
 
@@ -161,7 +164,7 @@ impl Forest {
             forest.sides[s].tree = BoxTree::new(&boxes);
             forest.sides[s].roots = roots;
         }
-        let of_direct: Vec<(Vec<f64>, f64)> = forest
+        let of_direct: Vec<Projected> = forest
             .elements
             .par_iter()
             .map(|element| forest.project(element, direct))
@@ -232,7 +235,7 @@ impl Forest {
 
     /// Direct light projected onto an element, and what that misses, relative to the peak:
     /// what differs is orthogonal to the basis, so that every element keeps its power.
-    fn project(&self, element: &Element, direct: &Sampler<'_>) -> (Vec<f64>, f64) {
+    fn project(&self, element: &Element, direct: &Sampler<'_>) -> Projected {
         let n_bands = self.n_bands;
         let side = &self.sides[element.side as usize];
         let mut coefficients = vec![0.0; N * n_bands];
@@ -271,7 +274,7 @@ impl Forest {
     }
 
     /// Values of the elements that were added last.
-    fn take_in(&mut self, of_direct: Vec<(Vec<f64>, f64)>) {
+    fn take_in(&mut self, of_direct: Vec<Projected>) {
         for (coefficients, missed) in of_direct {
             self.direct.extend(coefficients);
             self.missed_direct.push(missed);
@@ -297,7 +300,7 @@ impl Forest {
                 [[a, ab, ca], [ab, b, bc], [ca, bc, c], [bc, ca, ab]]
             })
             .collect();
-        let made: Vec<[(Element, (Vec<f64>, f64)); 4]> = which
+        let made: Vec<[(Element, Projected); 4]> = which
             .par_iter()
             .zip(&corners)
             .map(|(&e, corners)| {

@@ -3,7 +3,7 @@
 use super::basis::N;
 use super::deal::{Dealer, Demands, Portion};
 use super::forest::Forest;
-use antumbra_visibility::{Evaluator, MapScratch, MapTotals, Place};
+use antumbra_visibility::{Evaluator, MapScratch, Place};
 
 /// Working memory of one thread.
 #[derive(Debug, Default)]
@@ -19,12 +19,8 @@ pub(crate) struct GatherScratch {
 pub(crate) struct Told {
     /// Form factor of all fronts.
     pub(crate) seen: f64,
-    /// Estimated error of what was dealt, relative to the peak.
-    pub(crate) error: f64,
     /// Error of the cones that were ended early at most, relative to the peak.
     pub(crate) truncated: f64,
-    /// The work.
-    pub(crate) totals: MapTotals,
 }
 
 /// Cones are ended when what can be seen in them is less than this share of what a point
@@ -75,7 +71,6 @@ impl Gathering<'_, '_> {
             demands: self.demands,
             portions: &mut scratch.portions,
             too_coarse: &mut scratch.too_coarse,
-            error: 0.0,
         };
         let mut seen = 0.0;
         let map = &mut scratch.map;
@@ -97,10 +92,8 @@ impl Gathering<'_, '_> {
         });
         Told {
             seen,
-            error: dealer.error,
             // Each is off by its own weight at most, this way or that.
             truncated: 3.0 * (totals.ended * epsilon).sqrt() * spread,
-            totals,
         }
     }
 

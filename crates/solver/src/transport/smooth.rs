@@ -153,9 +153,14 @@ fn follow_edge(
         4.0 * s * (1.0 - s),
         s * (2.0 * s - 1.0),
     ];
-    for band in 0..agreed.n_bands {
-        let value = (0..3).map(|k| weights[k] * ends[k][band]).sum();
-        agreed.values[middle as usize * agreed.n_bands + band] = value;
+    let first = middle as usize * agreed.n_bands;
+    let values = &mut agreed.values[first..first + agreed.n_bands];
+    for (band, value) in values.iter_mut().enumerate() {
+        let parts = weights
+            .iter()
+            .zip(ends)
+            .map(|(weight, end)| weight * end[band]);
+        *value = parts.sum();
     }
     follow_edge(forest, [p, middle], [from, s], ends, agreed);
     follow_edge(forest, [middle, q], [s, to], ends, agreed);
