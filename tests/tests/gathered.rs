@@ -98,9 +98,9 @@ fn a_furnace_with_a_box_on_the_floor_is_even_to_a_millionth() {
 }
 
 #[test]
-fn nothing_comes_through_a_wall() {
+fn no_more_than_rounding_comes_through_a_wall() {
     let mut input = empty();
-    input.materials.push(material("grey", 0.5, 0.0));
+    input.materials.push(material("unlit", 0.5, 0.0));
     input.materials.push(material("bright", 0.5, 1.0));
     add_room(
         &mut input,
@@ -122,7 +122,15 @@ fn nothing_comes_through_a_wall() {
     for receiver in &solved.outcome.mesh.receivers {
         if scene.surface_of(receiver.face).name.starts_with("dark") {
             n_dark += 1;
-            assert!(receiver.irradiance.iter().all(|&e| e == 0.0));
+            let most = receiver.irradiance.iter().copied().fold(0.0, f64::max);
+            let name = &scene.surface_of(receiver.face).name;
+            let at = receiver
+                .irradiance
+                .iter()
+                .position(|&e| e == most)
+                .unwrap_or(0);
+            // In the corners of the common wall, by rounding.
+            assert!(most < 1e-9, "{name} at {}: {most:e}", receiver.nodes[at]);
         }
     }
     assert!(n_dark >= 6);

@@ -82,8 +82,10 @@ const SMALL: f64 = 0.05;
 /// Elements smaller than this share of the scene are not divided.
 const SMALLEST: f64 = 1e-4;
 
-/// Sweeps end when they change nothing by more than this share of the tolerance.
-const CONVERGED: f64 = 1e-2;
+/// Sweeps end when they change nothing by more than this share of the tolerance, while the
+/// solution is refined; and in the end by more than this, relative to the peak.
+const ROUGHLY: f64 = 1e-2;
+const CONVERGED: f64 = 1e-9;
 
 /// Rounds of refinement.
 const MOST_ROUNDS: usize = 12;
@@ -186,7 +188,8 @@ impl Work<'_, '_, '_> {
                 break;
             };
             self.n_rows += made.n_rows;
-            (result.sweeps, result.residual) = self.sweep(&receiving, stop);
+            (result.sweeps, result.residual) =
+                self.sweep(&receiving, ROUGHLY * self.options.tolerance, stop);
             self.forest.measure();
             result.reached = Reached::Unfinished;
             result.n_elements = receiving.len();
@@ -203,6 +206,8 @@ impl Work<'_, '_, '_> {
                 || round + 1 == MOST_ROUNDS
                 || self.forest.elements.len() + 4 * wanted > self.options.most_elements
             {
+                (result.sweeps, result.residual) = self.sweep(&receiving, CONVERGED, stop);
+                self.forest.measure();
                 result.reached = Reached::Finished;
                 break;
             }
@@ -224,7 +229,7 @@ impl Work<'_, '_, '_> {
     }
 
     /// Sweeps over all rows until nothing changes; their number, and the last change.
-    fn sweep(&mut self, receiving: &[u32], stop: Stop<'_>) -> (usize, f64) {
+    fn sweep(&mut self, receiving: &[u32], residual: f64, stop: Stop<'_>) -> (usize, f64) {
         let n_bands = self.forest.n_bands;
         let width = super::basis::N * n_bands;
         let (mut sweeps, mut change) = (0, 0.0);
@@ -242,7 +247,7 @@ impl Work<'_, '_, '_> {
                 }
             }
             self.forest.spread();
-            if change <= CONVERGED * self.options.tolerance || stop.is_wanted() {
+            if change <= residual || stop.is_wanted() {
                 break;
             }
         }
@@ -363,7 +368,7 @@ impl Transport {
     /// Did the iteration end by itself?
     #[must_use]
     pub fn is_converged(&self) -> bool {
-        self.reached == Reached::Finished && self.residual <= CONVERGED * self.tolerance
+        self.reached == Reached::Finished && self.residual <= CONVERGED
     }
 
     /// Indirect irradiance per band of the coarse solution itself at a place in the chart of
